@@ -1,0 +1,1 @@
+"""The bench: clients of rig and module, procedures, calibration, acceptance, record."""

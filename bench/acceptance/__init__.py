@@ -1,0 +1,1 @@
+"""From readings, uncertainty and limits to a verdict."""

@@ -1,0 +1,66 @@
+"""The measurements that a run can make: name, unit, meaning, and whether samples give them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True, slots=True)
+class MeasurementKind:
+    """Unit and meaning of a measurement; `from_samples` if `judge` can recompute it."""
+
+    unit: str
+    meaning: str
+    from_samples: bool = True
+
+
+def _of_axes(name: str, unit: str, meaning: str) -> dict[str, MeasurementKind]:
+    return {f"{name}_{axis}": MeasurementKind(unit, meaning.format(axis=axis)) for axis in "xyz"}
+
+
+MEASUREMENTS: Final[dict[str, MeasurementKind]] = {
+    "frames_lost": MeasurementKind("frames", "Frames missed by E2E counters or link", False),
+    "bus_load": MeasurementKind("%", "Bus load at worst-case bit stuffing", False),
+    "serial_match": MeasurementKind("", "The module's serial number is the scanned one", False),
+    "firmware_version": MeasurementKind("", "The module runs the released firmware", False),
+    "read_back": MeasurementKind("", "Coefficients read back equal those written", False),
+    **_of_axes("noise", "mG", "Standard deviation of one {axis} reading at rest"),
+    **_of_axes(
+        "set_reset_amplitude",
+        "%",
+        "Swing of the {axis} set/reset reading against that of the station's field",
+    ),
+    **_of_axes(
+        "set_reset_symmetry", "%", "Difference between the swings of {axis} set and reset readings"
+    ),
+    **_of_axes("bridge_offset", "mG", "Bridge offset of {axis} without its cross-axis part"),
+    **_of_axes("hk", "G", "Anisotropy field of the {axis} film from its cross-axis term"),
+    "peak_reading": MeasurementKind("mG", "Largest set or reset reading on any axis"),
+    **_of_axes("axis_sense", "", "Cosine between the magnetic {axis} axis and the body's"),
+    **_of_axes("accel_sense", "", "Cosine between the accelerometer's {axis} axis and the body's"),
+    "hysteresis": MeasurementKind("mG", "Largest clockwise to counter-clockwise difference"),
+    "return_to_start": MeasurementKind("mG", "Change between the sweep's first and last reading"),
+    "fit_accepted": MeasurementKind("", "The calibration did not refuse the data"),
+    "fit_residual": MeasurementKind("mG", "RMS residual of the magnetometer calibration"),
+    "fit_condition": MeasurementKind("", "Condition number of the calibration"),
+    "field_azimuth_difference": MeasurementKind(
+        "deg", "Field azimuth of the calibration against the station's record"
+    ),
+    "dip_difference": MeasurementKind("deg", "Dip of the calibration against the station's record"),
+    "field_magnitude_difference": MeasurementKind(
+        "%", "Field strength of the calibration against the station's record"
+    ),
+    "accel_bias": MeasurementKind("mg", "Largest bias of an accelerometer axis"),
+    "accel_residual": MeasurementKind("mg", "RMS residual of the accelerometer calibration"),
+    "level_max": MeasurementKind("deg", "Largest heading error of the module, level"),
+    "level_rms": MeasurementKind("deg", "RMS heading error of the module, level"),
+    "tilt_max": MeasurementKind("deg", "Largest heading error of the module, tilted"),
+    "tilt_rms": MeasurementKind("deg", "RMS heading error of the module, tilted"),
+    "repeatability": MeasurementKind("deg", "Pooled standard deviation of returns to a heading"),
+    "closing_error": MeasurementKind("deg", "Shift between earlier and later returns"),
+    "bench_against_module": MeasurementKind(
+        "deg", "Bench's heading against the module's, same readings"
+    ),
+    "temperature_change": MeasurementKind("deg C", "Change between calibration and verification"),
+}

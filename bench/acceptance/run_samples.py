@@ -1,0 +1,148 @@
+"""The measurements of a run computed anew from its folder, step by step."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from bench.acceptance.fit_evaluation import evaluate_fit
+from bench.acceptance.heading_evaluation import (
+    evaluate_returns,
+    evaluate_temperature,
+    evaluate_verification,
+)
+from bench.acceptance.sensor_evaluation import (
+    evaluate_noise,
+    evaluate_peaks,
+    evaluate_senses,
+    evaluate_set_reset,
+    evaluate_sweep,
+)
+from bench.acceptance.site import calibration_data, recording_data
+from bench.errors import ConfigError
+from bench.record.entries import coefficients_of, pose_of
+from bench.record.swing import site_of
+from bench.sample_file import read_samples
+from bench.samples import readings_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from bench.acceptance.measurement import Measurement
+    from bench.calibration.fit import CalibrationData, Fit
+
+CALIBRATION_KINDS: Final = ("sweep", "poses")
+
+
+class RunSamples:
+    """Samples, poses and station of a finished run.
+
+    Raises
+    ------
+    ConfigError
+        If there are no samples, or the record names no station.
+    """
+
+    def __init__(self, run_dir: Path, record: Mapping[str, Any]) -> None:
+        self._record = record
+        path = run_dir / "samples.parquet"
+        if not path.exists():
+            message = f"{run_dir} must hold samples.parquet to be judged again; instead it has none"
+            raise ConfigError(message)
+        site = site_of(record)
+        if site is None:
+            message = f"{run_dir}: the record must hold the station's field; instead it has none"
+            raise ConfigError(message)
+        self._site = site
+        self._samples = read_samples(path)
+        self._readings = readings_of(self._samples)
+        self._poses = [pose_of(entry) for entry in record["poses"]]
+
+    def measurements(self) -> dict[tuple[str, str, int], Measurement]:
+        """Return what the samples give, by (step, name, attempt)."""
+        found: dict[tuple[str, str, int], Measurement] = {}
+        for entry in self._record["steps"]:
+            for measurement in self._of_step(entry):
+                one = replace(measurement, attempt=entry["attempt"])
+                found[one.step, one.name, one.attempt] = one
+        return found
+
+    def _of_step(self, entry: Mapping[str, Any]) -> list[Measurement]:
+        step, kind = entry["name"], entry["kind"]
+        if kind == "fit":
+            return self._fit(step, entry["attempt"])
+        readings = self._readings_at(self._positions(step, entry["attempt"]))
+        if not len(readings):
+            return []
+        if kind == "noise":
+            return evaluate_noise(step, readings)
+        if kind == "set_reset":
+            return self._set_reset(step, readings)
+        if kind == "sweep":
+            return evaluate_sweep(step, readings, self._poses)
+        if kind == "poses":
+            return evaluate_peaks(step, readings)
+        if kind == "returns":
+            return evaluate_returns(step, readings, self._poses, self._site)
+        return self._verify(step, readings) if kind == "verify" else []
+
+    def _set_reset(self, step: str, readings: NDArray[np.void]) -> list[Measurement]:
+        found = evaluate_peaks(step, readings)
+        if not self._record["module"].get("synthesised"):
+            found += evaluate_set_reset(step, readings, self._site)
+        return found + evaluate_senses(step, readings, self._site)
+
+    def _fit(self, step: str, attempt: int) -> list[Measurement]:
+        from bench.calibration.methods import fit_named
+
+        noted = [
+            entry["note"].split(":")[0]
+            for entry in self._record["measurements"]
+            if (entry["step"], entry["name"], entry["attempt"]) == (step, "fit_accepted", attempt)
+        ]
+        if not noted:
+            return []
+        fit: Fit = fit_named(noted[0], self._calibration_data())
+        return evaluate_fit(step, fit, self._site)
+
+    def _calibration_data(self) -> CalibrationData:
+        readings = self._readings_at(self._calibration_positions())
+        if len(readings):
+            return calibration_data(readings, self._site)
+        return recording_data(self._samples)
+
+    def _verify(self, step: str, readings: NDArray[np.void]) -> list[Measurement]:
+        coefficients = self._record["coefficients"]
+        used = coefficients.get("written") or coefficients.get("before")
+        if used is None:
+            return []
+        samples = self._samples[np.isin(self._samples["position"], readings["position"])]
+        found = evaluate_verification(step, readings, samples, coefficients_of(used), self._site)
+        before = self._readings_at(self._calibration_positions())
+        if len(before):
+            found += evaluate_temperature(step, before, readings)
+        return found
+
+    def _calibration_positions(self) -> list[int]:
+        """Return the positions of the last attempts of all steps that calibrate."""
+        last = {
+            entry["name"]: entry["attempt"]
+            for entry in self._record["steps"]
+            if entry["kind"] in CALIBRATION_KINDS
+        }
+        return [p for step, attempt in last.items() for p in self._positions(step, attempt)]
+
+    def _positions(self, step: str, attempt: int) -> list[int]:
+        return [
+            entry["position"]
+            for entry in self._record["poses"]
+            if entry["step"] == step and entry.get("attempt", 1) == attempt
+        ]
+
+    def _readings_at(self, positions: list[int]) -> NDArray[np.void]:
+        return self._readings[np.isin(self._readings["position"], positions)]

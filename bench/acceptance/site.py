@@ -1,0 +1,144 @@
+"""What the bench holds for true at a pose: the station's field seen from the rig's attitude."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from bench.calibration.fit import CalibrationData
+from bench.calibration.tilt import ned_from_body
+from bench.samples import MOVING
+from protocols.angles import wrap_180_deg, wrap_360_deg
+from protocols.compass import FLAG_NO_ACCELERATION, FLAG_REPLAY_ENDED
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+LEVEL_TILT_DEG = 1.0
+"""Poses whose pitch and roll are both smaller count as level."""
+
+
+class SiteField(Protocol):
+    """The part of a station's record that headings are judged against.
+
+    `field_azimuth_deg` is the azimuth of magnetic north counted clockwise from the rig's
+    zero: magnetic heading = rig azimuth - field azimuth.
+    """
+
+    @property
+    def horizontal_mg(self) -> float:
+        """Horizontal field."""
+        ...
+
+    @property
+    def dip_deg(self) -> float:
+        """Dip, positive down."""
+        ...
+
+    @property
+    def field_azimuth_deg(self) -> float:
+        """Azimuth of magnetic north against the rig's zero, clockwise."""
+        ...
+
+
+def field_rig_mg(site: SiteField) -> NDArray[np.float64]:
+    """Return the station's field, shape (3,), in NED of the rig's frame (north = rig zero)."""
+    azimuth_rad = math.radians(site.field_azimuth_deg)
+    return np.array(
+        [
+            site.horizontal_mg * math.cos(azimuth_rad),
+            site.horizontal_mg * math.sin(azimuth_rad),
+            site.horizontal_mg * math.tan(math.radians(site.dip_deg)),
+        ]
+    )
+
+
+def total_field_mg(site: SiteField) -> float:
+    """Return the strength of the station's field."""
+    return site.horizontal_mg / math.cos(math.radians(site.dip_deg))
+
+
+def reference_heading_deg(readings: NDArray[np.void], site: SiteField) -> NDArray[np.float64]:
+    """Return the magnetic heading, shape (n,), that a perfect module would send at each pose."""
+    return wrap_360_deg(readings["rig_azimuth_deg"] - site.field_azimuth_deg)
+
+
+def heading_error_deg(
+    heading_deg: NDArray[np.float64], readings: NDArray[np.void], site: SiteField
+) -> NDArray[np.float64]:
+    """Return heading minus the reference heading of the same poses, in (-180, 180]."""
+    return wrap_180_deg(heading_deg - reference_heading_deg(readings, site))
+
+
+def rig_attitude(readings: NDArray[np.void]) -> NDArray[np.float64]:
+    """Return ned_from_body, shape (n, 3, 3), of the rig's measured attitudes."""
+    return ned_from_body(
+        readings["rig_azimuth_deg"], readings["rig_pitch_deg"], readings["rig_roll_deg"]
+    )
+
+
+def expected_field_mg(readings: NDArray[np.void], site: SiteField) -> NDArray[np.float64]:
+    """Return the station's field in the body frame at each pose, shape (n, 3)."""
+    seen_mg: NDArray[np.float64] = np.swapaxes(rig_attitude(readings), 1, 2) @ field_rig_mg(site)
+    return seen_mg
+
+
+def expected_force_g(readings: NDArray[np.void]) -> NDArray[np.float64]:
+    """Return the specific force in the body frame at each pose, shape (n, 3); level (0, 0, -1)."""
+    force_g: NDArray[np.float64] = -rig_attitude(readings)[:, 2, :]
+    return force_g
+
+
+def is_level(readings: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Return, shape (n,), which poses are level within `LEVEL_TILT_DEG`."""
+    pitch_deg = np.abs(readings["rig_pitch_deg"])
+    roll_deg = np.abs(readings["rig_roll_deg"])
+    level: NDArray[np.bool_] = (pitch_deg < LEVEL_TILT_DEG) & (roll_deg < LEVEL_TILT_DEG)
+    return level
+
+
+def calibration_data(
+    readings: NDArray[np.void],
+    site: SiteField,
+    *,
+    field_sd_mg: float = 0.35,
+    accel_sd_g: float = 0.001,
+    rig_sd_deg: float = 0.02,
+    with_acceleration: bool = True,
+) -> CalibrationData:
+    """Return what the fits take, from one READING a pose.
+
+    The run's fit step and `judge` both call it, so that they fit the same numbers.
+    Defaults: 0.32 mG repeatability of a pose and the mean of 50 noise samples, 0.2 % of
+    half a g of tilt for the accelerometer's nonlinearity, 0.02 deg of encoder error.
+    """
+    return CalibrationData(
+        field_mg=np.array(readings["field_mg"], dtype=float),
+        accel_g=np.array(readings["accel_g"], dtype=float) if with_acceleration else None,
+        azimuth_deg=np.array(readings["rig_azimuth_deg"], dtype=float),
+        pitch_deg=np.array(readings["rig_pitch_deg"], dtype=float),
+        roll_deg=np.array(readings["rig_roll_deg"], dtype=float),
+        field_sd_mg=field_sd_mg,
+        accel_sd_g=accel_sd_g,
+        rig_sd_deg=rig_sd_deg,
+        station_field_mg=field_rig_mg(site),
+    )
+
+
+def recording_data(samples: NDArray[np.void]) -> CalibrationData:
+    """Return what the fits take from the samples of a recording without a rig, one row a sample.
+
+    Rows without set and reset reading, outside the dwell, or after the recording's end are
+    left out; so is the acceleration where the module flags that it has none.
+    """
+    paired = samples["complete"] & 0b0011 == 0b0011
+    ended = samples["flags"] & FLAG_REPLAY_ENDED != 0
+    rows = samples[paired & ~ended & (samples["position"] != MOVING)]
+    missing = np.any(rows["flags"] & FLAG_NO_ACCELERATION != 0)
+    accelerated = not missing and bool(np.isfinite(rows["accel_g"]).all())
+    return CalibrationData(
+        field_mg=np.array((rows["set_mg"] - rows["reset_mg"]) / 2.0),
+        accel_g=np.array(rows["accel_g"]) if accelerated else None,
+    )

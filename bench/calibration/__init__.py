@@ -1,0 +1,1 @@
+"""Calibration methods: pure functions from samples to coefficients and covariance."""

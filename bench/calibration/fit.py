@@ -1,0 +1,151 @@
+"""What every calibration method takes and returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+class Cause(StrEnum):
+    """Why a fit was refused."""
+
+    TOO_FEW = "too_few_samples"
+    NO_TURN = "no_turn"
+    NOT_OBSERVABLE = "not_observable"
+    TILT_TOO_SMALL = "tilt_too_small"
+    DEGENERATE = "degenerate"
+    NO_ACCELERATION = "no_acceleration"
+    NO_TRUTH = "no_truth"
+    NO_SET_RESET = "no_set_reset"
+    RESIDUAL_TOO_LARGE = "residual_too_large"
+    FIELD_DISTURBED = "field_disturbed"
+    HARD_IRON_TOO_LARGE = "hard_iron_too_large"
+    SATURATED = "saturated"
+    NOT_CONVERGED = "not_converged"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CalibrationData:
+    """Readings to calibrate from; rows are poses or single samples.
+
+    Attributes
+    ----------
+    field_mg : ndarray, shape (n, 3)
+        Raw magnetometer, (set - reset)/2 where there are pairs.
+    accel_g : ndarray, shape (n, 3), or None
+        Raw specific force (at rest level: 0, 0, -1).
+    azimuth_deg, pitch_deg, roll_deg : ndarray, shape (n,), or None
+        Attitude from the rig; azimuth counts from the rig's zero.
+    field_sd_mg, accel_sd_g : float
+        Standard deviation of one row, each axis, that the weights assume.
+    rig_sd_deg : float
+        Standard deviation of each rig angle.
+    station_field_mg : ndarray, shape (3,), or None
+        The station's field in NED of the *rig's* frame (north = rig zero), for comparison
+        and as the start; methods that need a field strength take its norm.
+    """
+
+    field_mg: NDArray[np.float64]
+    accel_g: NDArray[np.float64] | None = None
+    azimuth_deg: NDArray[np.float64] | None = None
+    pitch_deg: NDArray[np.float64] | None = None
+    roll_deg: NDArray[np.float64] | None = None
+    field_sd_mg: float = 0.5
+    accel_sd_g: float = 0.002
+    rig_sd_deg: float = 0.02
+    station_field_mg: NDArray[np.float64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.field_mg)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """Result of one method on one set of data.
+
+    corrected field = matrix @ (raw - offset_mg); corrected force likewise with the
+    accelerometer's. A refused fit has a cause, a sentence, and coefficients of None.
+
+    Attributes
+    ----------
+    covariance : ndarray, shape (p, p), or None
+        Covariance of the parameters in the order of `parameters`.
+    residual_rms_mg : float
+        RMS of the magnetometer's residual an axis.
+    predicted_heading_rms_deg, predicted_heading_max_deg : float or None
+        Heading error to expect over 24 level headings and +-30 deg of pitch and roll.
+    extra : dict
+        Further scalar results by name with unit (``dip_deg``, ``field_azimuth_deg``,
+        ``base_level_north_deg``, ``hk_g``, ...) and ``<name>_sd`` where known.
+    """
+
+    method: str
+    cause: Cause | None = None
+    message: str = ""
+    samples: int = 0
+    offset_mg: NDArray[np.float64] | None = None
+    matrix: NDArray[np.float64] | None = None
+    accel_offset_g: NDArray[np.float64] | None = None
+    accel_matrix: NDArray[np.float64] | None = None
+    field_mg: float | None = None
+    dip_deg: float | None = None
+    parameters: tuple[str, ...] = ()
+    covariance: NDArray[np.float64] | None = None
+    residual_rms_mg: float | None = None
+    accel_residual_rms_g: float | None = None
+    chi2_reduced: float | None = None
+    dof: int | None = None
+    rank: int | None = None
+    condition: float | None = None
+    coverage: float | None = None
+    predicted_heading_rms_deg: float | None = None
+    predicted_heading_max_deg: float | None = None
+    extra: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def refused(self) -> bool:
+        """Whether the method refused the data."""
+        return self.cause is not None
+
+    def corrected_mg(self, field_mg: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the corrected field, shape (..., 3), of raw readings of that shape."""
+        if self.offset_mg is None or self.matrix is None:
+            message = f"fit {self.method} was refused ({self.cause}) and has no coefficients"
+            raise ValueError(message)
+        return (field_mg - self.offset_mg) @ self.matrix.T
+
+    def corrected_g(self, accel_g: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the corrected specific force; raw where the method does not calibrate it."""
+        if self.accel_offset_g is None or self.accel_matrix is None:
+            return np.asarray(accel_g, dtype=float)
+        return (accel_g - self.accel_offset_g) @ self.accel_matrix.T
+
+
+def refusal(
+    method: str,
+    cause: Cause,
+    message: str,
+    data: CalibrationData,
+    *,
+    rank: int | None = None,
+    condition: float | None = None,
+    coverage: float | None = None,
+    residual_rms_mg: float | None = None,
+) -> Fit:
+    """Return a refused fit: a cause, one sentence, and the evidence; no coefficients."""
+    return Fit(
+        method=method,
+        cause=cause,
+        message=message,
+        samples=len(data),
+        rank=rank,
+        condition=condition,
+        coverage=coverage,
+        residual_rms_mg=residual_rms_mg,
+    )

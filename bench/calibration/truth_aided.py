@@ -1,0 +1,278 @@
+"""Coefficients of magnetometer and accelerometer from poses whose angles the rig knows.
+
+What is written to the unit: 12 coefficients of each sensor, fitted together with the field's
+azimuth against the rig's zero, its dip, and the two tilts of the rig's base, by generalised
+least squares with the uncertainty of the rig's angles. The linear model raw = W v + b at known
+attitude has no mirror image and no spurious minimum; it reaches the Cramer-Rao bound.
+
+Not observable by any run on one seat: the seat's azimuth error and iron that is fixed to the
+seat; and the magnetometer's common gain, which is held against the station's field strength.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from bench.calibration.coverage import sphere_coverage
+from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
+from bench.calibration.prediction import (
+    DEFAULT_FIELD_MG,
+    heading_grid,
+    model_jacobian,
+    predicted_heading_deg,
+)
+from bench.calibration.truth_model import RigPoses, observed, rig_poses
+from bench.calibration.truth_solver import DOWN, Sensor, Solution, solved, started
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+METHOD: Final = "truth_aided"
+LEVEL_DEG: Final = 3.0
+"""Poses tilted by less count as level."""
+LARGEST_AXIS_RATIO: Final = 10.0
+LARGEST_RESIDUAL: Final = 0.08
+"""Residual RMS an axis, as a part of the field, beyond which the model does not hold."""
+LARGEST_PREDICTED_DEG: Final = 3.0
+SMALLEST_SINGULAR: Final = 1e-5
+_ELEMENTS: Final = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
+MAGNETOMETER_PARAMETERS: Final = (
+    *(f"gain_{element}" for element in _ELEMENTS),
+    *(f"offset_{axis}_mg" for axis in "xyz"),
+    "field_azimuth_deg",
+    "dip_deg",
+)
+ACCELEROMETER_PARAMETERS: Final = (
+    *(f"accel_gain_{element}" for element in _ELEMENTS),
+    *(f"accel_offset_{axis}_g" for axis in "xyz"),
+    "base_level_north_deg",
+    "base_level_east_deg",
+)
+
+
+def fit_truth_aided(data: CalibrationData) -> Fit:
+    """Fit both sensors, field direction and base level on poses of known rig angles.
+
+    Parameters
+    ----------
+    data : CalibrationData
+        Needs the rig's three angles; without `accel_g` only the magnetometer is fitted and the
+        base is taken as level. Without `station_field_mg` the field strength is that at which
+        the matrix has a determinant of one.
+
+    Returns
+    -------
+    Fit
+        `extra` holds ``field_azimuth_deg``, ``dip_deg``, ``base_level_north_deg``,
+        ``base_level_east_deg`` (rotations of the base about the rig's north and east axes),
+        each with ``_sd``, and ``field_magnitude_mg``: the strength in the module's nominal
+        scale, |det W|^(1/3) times the station's. The parameters are those of raw = W v + b; the
+        covariance is the weights' own, times chi2_reduced where that exceeds one.
+        Refused with NO_TRUTH, TOO_FEW, TILT_TOO_SMALL, NOT_OBSERVABLE, DEGENERATE,
+        NOT_CONVERGED or RESIDUAL_TOO_LARGE.
+
+    Notes
+    -----
+    Level poses give rank 3 of the accelerometer's 12, pitch or roll alone 9, both 12; the
+    magnetometer's is 9 level and 12 with one tilt ring. `rank` counts both sensors (24).
+    """
+    if data.azimuth_deg is None or data.pitch_deg is None or data.roll_deg is None:
+        message = "the truth-aided fit needs the rig's azimuth, pitch and roll of every reading"
+        return refusal(METHOD, Cause.NO_TRUTH, message, data)
+    poses = rig_poses(data.azimuth_deg, data.pitch_deg, data.roll_deg)
+    if len(data) < 6:
+        message = f"the truth-aided fit needs at least 6 poses; instead received {len(data)}"
+        return refusal(METHOD, Cause.TOO_FEW, message, data)
+    rank, condition = sensors_observed(data, poses)
+    needed = 12 if data.accel_g is None else 24
+    if rank < needed:
+        return _unobservable(data, rank, needed, condition)
+    start = started(
+        poses,
+        data.field_mg,
+        data.accel_g,
+        field_sd_mg=data.field_sd_mg,
+        accel_sd_g=data.accel_sd_g,
+        station_field_mg=data.station_field_mg,
+    )
+    broken = _broken(start)
+    if broken:
+        return refusal(METHOD, Cause.DEGENERATE, broken, data, rank=rank, condition=condition)
+    return _checked(data, solved(start, poses, data.rig_sd_deg), poses, rank, condition)
+
+
+def sensors_observed(data: CalibrationData, poses: RigPoses) -> tuple[int, float]:
+    """Return (rank over both sensors, worse condition) that the rig's angles alone allow."""
+    station = DEFAULT_FIELD_MG if data.station_field_mg is None else data.station_field_mg
+    rank, condition = observed(poses.turned(station))
+    if data.accel_g is not None:
+        accel_rank, accel_condition = observed(poses.turned(DOWN))
+        rank, condition = rank + accel_rank, max(condition, accel_condition)
+    return rank, condition
+
+
+def _unobservable(data: CalibrationData, rank: int, needed: int, condition: float) -> Fit:
+    assert data.pitch_deg is not None  # noqa: S101
+    assert data.roll_deg is not None  # noqa: S101
+    tilt_deg = float(max(np.abs(data.pitch_deg).max(), np.abs(data.roll_deg).max()))
+    if tilt_deg < LEVEL_DEG:
+        cause = Cause.TILT_TOO_SMALL
+        advice = f"the largest tilt is {tilt_deg:.1f} deg; add poses tilted in pitch and in roll"
+    else:
+        cause = Cause.NOT_OBSERVABLE
+        advice = "add headings, and poses tilted both in pitch and in roll"
+    message = f"the poses determine {rank} of {needed} sensor coefficients: {advice}"
+    return refusal(METHOD, cause, message, data, rank=rank, condition=condition)
+
+
+def _broken(solution: Solution) -> str:
+    for name, sensor in (
+        ("magnetometer", solution.magnetometer),
+        ("accelerometer", solution.accelerometer),
+    ):
+        if sensor is None:
+            continue
+        values = np.linalg.svd(sensor.gain, compute_uv=False)
+        if not values[-1] * LARGEST_AXIS_RATIO > values[0]:
+            return (
+                f"the {name}'s readings do not span three axes (gains from {values[0]:.3g} to "
+                f"{values[-1]:.3g}): an axis is stuck or two axes read the same"
+            )
+    return ""
+
+
+def _checked(
+    data: CalibrationData, solution: Solution, poses: RigPoses, rank: int, condition: float
+) -> Fit:
+    assert solution.jacobian is not None  # noqa: S101
+    columns = solution.jacobian / np.linalg.norm(solution.jacobian, axis=0)
+    values = np.linalg.svd(columns, compute_uv=False)
+    refuse = partial(refusal, METHOD, data=data, rank=rank, condition=condition)
+    if not solution.converged:
+        message = "the truth-aided fit did not settle: the rig's angles do not match the readings"
+        return refuse(Cause.NOT_CONVERGED, message)
+    if values[-1] < SMALLEST_SINGULAR * values[0]:
+        found = int((values >= SMALLEST_SINGULAR * values[0]).sum())
+        message = (
+            f"the poses determine {found} of {len(values)} parameters: field direction or base "
+            "level cannot be told from the sensors' misalignment; tilt in pitch and in roll"
+        )
+        return refuse(Cause.NOT_OBSERVABLE, message)
+    fit = _fit_of(data, solution, poses, rank, condition)
+    assert fit.residual_rms_mg is not None  # noqa: S101
+    assert fit.predicted_heading_rms_deg is not None  # noqa: S101
+    relative = fit.residual_rms_mg / solution.field_mg
+    if relative > LARGEST_RESIDUAL:
+        message = (
+            f"the residual of {100.0 * relative:.1f} % of the field exceeds "
+            f"{100.0 * LARGEST_RESIDUAL:.0f} %: the field moved, or the angles are not the unit's"
+        )
+        cause = Cause.RESIDUAL_TOO_LARGE
+    elif fit.predicted_heading_rms_deg > LARGEST_PREDICTED_DEG:
+        message = (
+            f"the poses would leave a heading error of {fit.predicted_heading_rms_deg:.1f} deg "
+            "RMS: tilt further or add poses"
+        )
+        cause = Cause.NOT_OBSERVABLE
+    else:
+        return fit
+    return refuse(cause, message, residual_rms_mg=fit.residual_rms_mg)
+
+
+def _fit_of(
+    data: CalibrationData, solution: Solution, poses: RigPoses, rank: int, condition: float
+) -> Fit:
+    magnetometer, accelerometer = solution.magnetometer, solution.accelerometer
+    assert magnetometer is not None  # noqa: S101
+    assert solution.covariance is not None  # noqa: S101
+    assert solution.jacobian is not None  # noqa: S101
+    equations, unknowns = solution.jacobian.shape
+    chi2_reduced = solution.chi2 / max(equations - unknowns, 1)
+    covariance = solution.covariance * max(chi2_reduced, 1.0)
+    rms_deg, max_deg = _predicted(solution, magnetometer, accelerometer, covariance)
+    with_accel = accelerometer is not None
+    names = MAGNETOMETER_PARAMETERS + (ACCELEROMETER_PARAMETERS if with_accel else ())
+    to_deg = np.array(
+        [180.0 / np.pi if n.startswith(("field_", "dip_", "base_")) else 1.0 for n in names]
+    )
+    covariance = covariance * to_deg[:, None] * to_deg
+    vectors = poses.turned(solution.field_rig_mg())
+    return Fit(
+        method=METHOD,
+        samples=len(data),
+        offset_mg=magnetometer.offset,
+        matrix=_inverse(magnetometer.gain),
+        accel_offset_g=accelerometer.offset if accelerometer else None,
+        accel_matrix=_inverse(accelerometer.gain) if accelerometer else None,
+        field_mg=solution.field_mg,
+        dip_deg=float(np.rad2deg(solution.dip_rad)),
+        parameters=names,
+        covariance=covariance,
+        residual_rms_mg=_residual_rms(magnetometer, vectors),
+        accel_residual_rms_g=(
+            _residual_rms(accelerometer, poses.turned(solution.force_rig_g()))
+            if accelerometer
+            else None
+        ),
+        chi2_reduced=chi2_reduced,
+        dof=equations - unknowns,
+        rank=rank,
+        condition=condition,
+        coverage=sphere_coverage(vectors),
+        predicted_heading_rms_deg=rms_deg,
+        predicted_heading_max_deg=max_deg,
+        extra=_extra(solution, magnetometer, names, covariance),
+    )
+
+
+def _inverse(gain: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.array(np.linalg.inv(gain), dtype=float)
+
+
+def _residual_rms(sensor: Sensor, vectors: NDArray[np.float64]) -> float:
+    residual = sensor.raw - vectors @ sensor.gain.T - sensor.offset
+    return float(np.sqrt((residual**2).mean()))
+
+
+def _predicted(
+    solution: Solution,
+    magnetometer: Sensor,
+    accelerometer: Sensor | None,
+    covariance: NDArray[np.float64],
+) -> tuple[float, float]:
+    horizontal = solution.field_mg * np.cos(solution.dip_rad)
+    vertical = solution.field_mg * np.sin(solution.dip_rad)
+    grid = heading_grid(np.array([horizontal, 0.0, vertical]))
+    jacobian = np.zeros((len(grid.field_mg), len(covariance)))
+    jacobian[:, :12] = model_jacobian(grid.field_gradient_deg, grid.field_mg, magnetometer.gain)
+    if accelerometer is not None:
+        jacobian[:, 14:26] = model_jacobian(
+            grid.force_gradient_deg, grid.force_g, accelerometer.gain
+        )
+    return predicted_heading_deg(jacobian, covariance)
+
+
+def _extra(
+    solution: Solution,
+    magnetometer: Sensor,
+    names: tuple[str, ...],
+    covariance: NDArray[np.float64],
+) -> dict[str, float]:
+    values = {
+        "field_azimuth_deg": solution.azimuth_rad,
+        "dip_deg": solution.dip_rad,
+        "base_level_north_deg": solution.north_rad,
+        "base_level_east_deg": solution.east_rad,
+    }
+    extra: dict[str, float] = {}
+    for name, value_rad in values.items():
+        if name in names:
+            index = names.index(name)
+            extra[name] = float(np.rad2deg(value_rad))
+            extra[f"{name}_sd"] = float(np.sqrt(covariance[index, index]))
+    nominal = float(np.abs(np.linalg.det(magnetometer.gain)) ** (1.0 / 3.0))
+    extra["field_magnitude_mg"] = solution.field_mg * nominal
+    return extra

@@ -1,0 +1,25 @@
+"""A short exchange with a virtual module in this process: does the installation work?"""
+
+from __future__ import annotations
+
+from bench.bus import BenchBus
+from bench.diagnostics import Diagnostics
+from bench.module import Module
+from devices.simulator import SimulatorOptions, build_host
+from protocols.clock import SimulatedClock
+from protocols.link import Wire
+from protocols.uds import DID_SERIAL
+
+
+def answer_of_virtual_module(serial: str) -> str:
+    """Return the serial number that a virtual module of that serial gives over UDS."""
+    wire = Wire()
+    link = wire.attach()
+    host = build_host(SimulatorOptions(serial=serial, seed=1), wire.attach())
+    wire.add_server(host.serve)
+    bus = BenchBus(link, SimulatedClock())
+    module = Module(bus)
+    module.wait_ready(5.0)
+    answer = Diagnostics(bus, module.address).read_did(DID_SERIAL)
+    bus.close()
+    return answer.decode("ascii").rstrip("\0 ")

@@ -1,0 +1,238 @@
+"""`compass-bench run`: joins bench, devices and dashboards for one run."""
+
+from __future__ import annotations
+
+import json as json_module
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import typer
+
+from bench.acceptance.verdict import verdict_of
+from bench.capture import Capture
+from bench.cli.console import ConsoleProgress, print_verdict
+from bench.cli.run_bus import RunBus, connect
+from bench.errors import BenchError, BusFault, ConfigError, ModuleSilent
+from bench.executor import execute
+from bench.limit_set import load_limits
+from bench.module import Module
+from bench.procedure_loader import load_procedure, procedure_path
+from bench.record.recorder import RunRecorder
+from bench.rig import Rig
+from bench.run_context import RunContext
+from bench.sample_log import SampleLog
+from bench.software import config_files, software_section
+from bench.station import load_station
+from bench.traffic import Traffic
+from protocols.clock import MonotonicClock, SimulatedClock
+
+if TYPE_CHECKING:
+    from bench.acceptance.verdict import Verdict
+    from bench.limit_set import LimitSet
+    from bench.procedure import Procedure
+    from bench.station import Station
+
+SERIAL_PATTERN: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,31}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunRequest:
+    """Options of the command."""
+
+    procedure: str
+    serial: str | None = None
+    interface: str | None = None
+    channel: str | None = None
+    bitrate: int = 500_000
+    rig_interface: str | None = None
+    rig_channel: str | None = None
+    site: Path | None = None
+    limits: Path | None = None
+    out: Path = Path("runs")
+    seed: int = 1
+    faults: tuple[str, ...] = ()
+    nvm: Path | None = None
+    replay: Path | None = None
+    json: bool = False
+    realtime: bool = False
+    no_input: bool = False
+    dashboard: bool = True
+    quiet: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunFiles:
+    """The files that a run is held against."""
+
+    procedure: Procedure
+    limits: LimitSet
+    station: Station
+
+
+def run_procedure(request: RunRequest) -> int:
+    """Run a procedure, print its verdict and return the exit code.
+
+    Raises
+    ------
+    ConfigError
+        If a file or option cannot be used; no record is begun.
+    LinkError
+        If the channel cannot be opened; no record is begun.
+    BenchNotReady
+        If the record cannot be written.
+    """
+    files = _files(request)
+    serial = _serial(request)
+    try:
+        run_bus = connect(request, serial, files.station)
+    except (ModuleSilent, BusFault) as fault:
+        return _not_started(request, serial, files, fault)
+    try:
+        recorder = _recorder(request, serial, files, run_bus.clock, virtual=run_bus.virtual)
+        context = _context(request, serial, files, run_bus, recorder)
+        verdict = execute(files.procedure, context)
+    finally:
+        run_bus.close()
+    _show(request, serial, recorder, verdict)
+    signal_number = run_bus.bus.cancel.signal_number
+    if verdict.outcome.exit_code == 130 and signal_number is not None:
+        return 128 + signal_number
+    return verdict.outcome.exit_code
+
+
+def _not_started(request: RunRequest, serial: str, files: RunFiles, fault: BenchError) -> int:
+    """Leave a record of a run that could not start."""
+    recorder = _recorder(request, serial, files, MonotonicClock(), virtual=False)
+    verdict = verdict_of([], error=str(fault))
+    recorder.close(verdict)
+    _show(request, serial, recorder, verdict)
+    return verdict.outcome.exit_code
+
+
+def _show(request: RunRequest, serial: str, recorder: RunRecorder, verdict: Verdict) -> None:
+    if request.json:
+        typer.echo(json_module.dumps(recorder.record, indent=1, allow_nan=False))
+    elif not request.quiet:
+        print_verdict(verdict, serial, recorder.folder)
+
+
+def _files(request: RunRequest) -> RunFiles:
+    procedure = load_procedure(request.procedure)
+    beside = procedure_path(request.procedure).parent
+    limits = (
+        load_limits(str(request.limits))
+        if request.limits
+        else load_limits(procedure.limits, beside=beside)
+    )
+    station = (
+        load_station(str(request.site))
+        if request.site
+        else load_station(procedure.station, beside=beside)
+    )
+    return RunFiles(procedure=procedure, limits=limits, station=station)
+
+
+def _serial(request: RunRequest) -> str:
+    serial = request.serial
+    if serial is None:
+        if request.no_input or not sys.stdin.isatty():
+            message = "--serial must be the serial number of the unit; instead received none"
+            raise ConfigError(message)
+        serial = typer.prompt("Scan the serial number", err=True).strip()
+    if not SERIAL_PATTERN.fullmatch(serial):
+        message = (
+            "--serial must be 1 to 32 letters, digits, dots, dashes or underscores; "
+            f"instead received {serial!r}"
+        )
+        raise ConfigError(message)
+    return serial
+
+
+def _recorder(
+    request: RunRequest,
+    serial: str,
+    files: RunFiles,
+    clock: SimulatedClock | MonotonicClock,
+    *,
+    virtual: bool,
+) -> RunRecorder:
+    products = {}
+    if request.dashboard:
+        from dashboards.recorder import write_recording
+
+        products["run.rrd"] = write_recording
+    recorder = RunRecorder(
+        request.out,
+        serial,
+        files.procedure.name,
+        clock=clock,
+        procedure_version=files.procedure.version,
+        seed=request.seed if virtual else None,
+        products=products,
+    )
+    recorder.set("software", software_section())
+    copies = {
+        "procedure": procedure_path(request.procedure),
+        "limits": files.limits.path,
+        "station": files.station.path,
+    }
+    hashes = config_files(copies, recorder.path("config"))
+    recorder.set(
+        "config",
+        {
+            **hashes,
+            "limits_id": files.limits.id,
+            "limits_version": files.limits.version,
+        },
+    )
+    recorder.set(
+        "bus",
+        {
+            "interface": request.interface or "lockstep",
+            "channel": request.channel,
+            "bitrate": request.bitrate,
+        },
+    )
+    return recorder
+
+
+def _context(
+    request: RunRequest, serial: str, files: RunFiles, run_bus: RunBus, recorder: RunRecorder
+) -> RunContext:
+    bus = run_bus.bus
+    traffic = Traffic(request.bitrate, bus.start_ns)
+    capture = Capture(recorder.path("bus.blf"), start_ns=bus.start_ns)
+    bus.add_sink(capture)
+    bus.add_sink(traffic)
+    module = Module(bus)
+    rig = Rig(bus) if files.procedure.uses_rig else None
+    samples = SampleLog(recorder.path("samples.parquet"), module, rig)
+    context = RunContext(
+        bus=bus,
+        module=module,
+        sample_log=samples,
+        station=files.station,
+        limits=files.limits,
+        recorder=recorder,
+        procedure=files.procedure,
+        serial=serial,
+        rig=rig,
+        ask=None if request.no_input or not sys.stdin.isatty() else _ask,
+    )
+    if not (request.json or request.quiet):
+        context.progress = ConsoleProgress()
+    context.finish = [
+        ("close the samples", samples.close),
+        ("hand over the last frames", bus.flush),
+        ("close the capture", capture.close),
+        ("record the traffic", lambda: recorder.set("bus", {"traffic": traffic.rows()})),
+        ("name the faults", lambda: recorder.set("injected_faults", list(request.faults))),
+    ]
+    return context
+
+
+def _ask(question: str) -> str:
+    return str(typer.prompt(question, err=True))

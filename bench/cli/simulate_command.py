@@ -1,0 +1,116 @@
+"""`compass-bench simulate`: the virtual devices as a process of their own."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import typer
+
+from bench.cli.bus_options import is_in_process, open_link
+from bench.errors import ConfigError
+from bench.station import load_station
+from devices.simulator import SimulatorOptions, simulate
+from protocols.clock import MonotonicClock
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from bench.station import Station
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulateRequest:
+    """Options of the command."""
+
+    interface: str | None
+    channel: str | None
+    bitrate: int
+    serial: str
+    site: Path | None
+    seed: int
+    faults: tuple[str, ...]
+    nvm: Path | None
+    replay: Path | None
+    seconds: float | None
+    free_running: bool
+
+
+def simulator_options(
+    *,
+    serial: str,
+    seed: int,
+    faults: tuple[str, ...],
+    nvm: Path | None,
+    replay: Path | None,
+    station: Station,
+) -> SimulatorOptions:
+    """Return the options of the virtual devices on a station.
+
+    Raises
+    ------
+    ConfigError
+        If a fault does not exist or the recording cannot be replayed.
+    """
+    try:
+        return SimulatorOptions(
+            serial=serial,
+            seed=seed,
+            faults=faults,
+            nvm=nvm,
+            replay=replay,
+            horizontal_mg=station.horizontal_mg,
+            dip_deg=station.dip_deg,
+            declination_deg=station.declination_deg,
+        )
+    except (ValueError, OSError) as error:
+        raise ConfigError(str(error)) from error
+
+
+def simulate_devices(request: SimulateRequest) -> int:
+    """Run rig and module until a signal or the time ends it; return the exit code.
+
+    Raises
+    ------
+    ConfigError
+        If no channel is named or an option cannot be used.
+    LinkError
+        If the channel cannot be opened.
+    """
+    if is_in_process(request.interface, request.channel):
+        message = "simulate needs --interface and --channel of a bus that the bench can reach"
+        raise ConfigError(message)
+    options = simulator_options(
+        serial=request.serial,
+        seed=request.seed,
+        faults=request.faults,
+        nvm=request.nvm,
+        replay=request.replay,
+        station=load_station(str(request.site) if request.site else "default"),
+    )
+    clock = MonotonicClock()
+    link = open_link(request.interface, request.channel, request.bitrate, clock)
+    ended: list[int] = []
+    typer.echo(
+        f"virtual rig and module {request.serial} (seed {request.seed}) on "
+        f"{request.interface} {request.channel or ''}, "
+        f"{'on their own clocks' if request.free_running else 'in lock-step'}; end with Ctrl-C",
+        err=True,
+    )
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda received, _: ended.append(received))
+    try:
+        simulate(
+            options,
+            link,
+            clock,
+            free_running=request.free_running,
+            stop=lambda: bool(ended),
+            seconds=request.seconds,
+        )
+    except (ValueError, OSError) as error:
+        raise ConfigError(str(error)) from error
+    finally:
+        link.close()
+    return 0

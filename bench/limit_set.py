@@ -1,0 +1,157 @@
+"""Limits files: which value each measurement may have, with U, guard band and what to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Literal, Self
+
+from pydantic import Field, StringConstraints, model_validator
+
+from bench.acceptance.measurement import Limit
+from bench.acceptance.outcome import Outcome
+from bench.errors import ConfigError
+from bench.quantity import parse_quantity
+from bench.shipped import file_sha256, find_file
+from bench.typed_yaml import FileModel, load_model
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from pathlib import Path
+
+
+class LimitEntry(FileModel):
+    """One measurement's limits, as they stand in a file."""
+
+    low: str | float | None = None
+    """Lower tolerance limit with its unit."""
+    high: str | float | None = None
+    """Upper tolerance limit with its unit."""
+    unit: str = ""
+    """Unit of the measured value; empty for a plain number."""
+    uncertainty: str | float = 0.0
+    """Expanded uncertainty U (k = 2) of the measured value."""
+    guard_band: str | float = 0.0
+    """Width inside the tolerance limits in which the outcome is MARGINAL."""
+    missed: Literal["FAIL", "ERROR"] = "FAIL"
+    """Outcome outside the limits: FAIL for the unit, ERROR for the bench."""
+    description: str
+    """What the measurement is, in one sentence."""
+    action: str
+    """What the operator does when it is missed."""
+
+    @model_validator(mode="after")
+    def _limits_make_sense(self) -> Self:
+        low, high = self._value("low"), self._value("high")
+        if low is None and high is None:
+            message = "limits must have low or high; instead received neither"
+            raise ValueError(message)
+        band = self._value("guard_band") or 0.0
+        if (self._value("uncertainty") or 0.0) < 0.0 or band < 0.0:
+            message = "uncertainty and guard_band must not be negative"
+            raise ValueError(message)
+        if low is not None and high is not None and low + 2.0 * band > high:
+            message = (
+                "low must lie below high by twice the guard band; instead received "
+                f"{self.low} and {self.high}"
+            )
+            raise ValueError(message)
+        return self
+
+    def _value(self, key: str) -> float | None:
+        value: object = getattr(self, key)
+        if value is None or value == 0.0:
+            return None if value is None else 0.0
+        return parse_quantity(value, self.unit)
+
+    def limit(self, name: str) -> Limit:
+        """Return the limit of the measurement `name`."""
+        return Limit(
+            name=name,
+            unit=self.unit,
+            low=self._value("low"),
+            high=self._value("high"),
+            uncertainty=self._value("uncertainty") or 0.0,
+            guard_band=self._value("guard_band") or 0.0,
+            missed=Outcome(self.missed),
+            description=self.description,
+            action=self.action,
+        )
+
+
+class LimitsFile(FileModel):
+    """A limits file; `axes` of an entry's name spread it: ``noise_{x,y,z}`` is three limits."""
+
+    id: Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$")]
+    """Identity of the limits in every record."""
+    version: Annotated[str, StringConstraints(pattern=r"^\d+\.\d+$")]
+    """Version, major.minor; every change of the file raises it."""
+    description: str = ""
+    """For which units and site the limits were computed."""
+    measurements: Annotated[dict[str, LimitEntry], Field(min_length=1)]
+    """Limits by name of the measurement."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitSet:
+    """The limits of a run by name of the measurement, with their identity."""
+
+    id: str
+    version: str
+    sha256: str
+    path: Path
+    by_name: Mapping[str, Limit]
+
+    def get(self, name: str) -> Limit | None:
+        """Return the limit of a measurement, or None if it only informs."""
+        return self.by_name.get(name)
+
+    def require(self, names: Iterable[str]) -> None:
+        """Check that every measurement that will be judged has limits.
+
+        Raises
+        ------
+        ConfigError
+            If one has none; the sentence names them all.
+        """
+        missing = [name for name in names if name not in self.by_name]
+        if missing:
+            message = (
+                f"{self.path}: limits {self.id} {self.version} lack {', '.join(missing)}: "
+                "add them under 'measurements' or name another file with --limits"
+            )
+            raise ConfigError(message)
+
+
+def load_limits(name: str, *, beside: Path | None = None) -> LimitSet:
+    """Return the limits of a shipped file (by name) or of any file (by path).
+
+    Raises
+    ------
+    ConfigError
+        One sentence with file, line and column if it cannot be used.
+    """
+    path = find_file("limits", name, beside=beside)
+    file = load_model(path, LimitsFile)
+    by_name: dict[str, Limit] = {}
+    for key, entry in file.measurements.items():
+        for each in _spread(key):
+            if each in by_name:
+                message = f"{path}: measurement {each!r} has limits twice"
+                raise ConfigError(message)
+            by_name[each] = entry.limit(each)
+    return LimitSet(
+        id=file.id, version=file.version, sha256=file_sha256(path), path=path, by_name=by_name
+    )
+
+
+def _spread(key: str) -> list[str]:
+    """Return the names that a key means.
+
+    >>> _spread("hk_{x,y}")
+    ['hk_x', 'hk_y']
+    """
+    head, brace, rest = key.partition("{")
+    if not brace:
+        return [key]
+    choices, _, tail = rest.partition("}")
+    return [f"{head}{choice.strip()}{tail}" for choice in choices.split(",")]

@@ -1,0 +1,148 @@
+"""A procedure: identity, the limits and station it uses, and its steps in order."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal, Self
+
+from pydantic import Field, StringConstraints, model_validator
+
+from bench.steps.check_bus import CheckBus
+from bench.steps.collect import Collect
+from bench.steps.fit import FitMethods
+from bench.steps.home import Home
+from bench.steps.identify import Identify
+from bench.steps.noise import Noise
+from bench.steps.poses import Poses
+from bench.steps.prompt import Prompt
+from bench.steps.returns import Returns
+from bench.steps.set_reset import SetReset
+from bench.steps.step import Step, StepName
+from bench.steps.sweep import Sweep
+from bench.steps.verify import Verify
+from bench.steps.wait import Wait
+from bench.steps.write import Write
+from bench.typed_yaml import FileModel
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from bench.run_context import RunContext
+
+
+class Group(Step):
+    """Steps under one name; `attempts` repeats all of them together."""
+
+    kind: Literal["group"]
+    steps: Annotated[list[AnyStep], Field(min_length=1)]
+    """Steps in order."""
+
+    def run(self, context: RunContext) -> None:
+        """Run the steps in order; a critical failure inside ends the procedure."""
+        for step in self.steps:
+            context.run_step(step)
+
+    def children(self) -> Sequence[Step]:
+        """Return the steps of the group."""
+        return self.steps
+
+
+class Repeat(Step):
+    """The same steps several times; every round is judged, under the step's name and its number."""
+
+    kind: Literal["repeat"]
+    times: Annotated[int, Field(ge=1, le=1000)]
+    """Number of rounds."""
+    steps: Annotated[list[AnyStep], Field(min_length=1)]
+    """Steps of a round."""
+
+    def run(self, context: RunContext) -> None:
+        """Run the rounds one after the other."""
+        for number in range(1, self.times + 1):
+            for step in self.steps:
+                context.run_step(step, f"_{number}")
+
+    def children(self) -> Sequence[Step]:
+        """Return the steps of all rounds."""
+        return self.steps * self.times
+
+
+AnyStep = Annotated[
+    CheckBus
+    | Identify
+    | Home
+    | SetReset
+    | Noise
+    | Sweep
+    | Poses
+    | FitMethods
+    | Write
+    | Verify
+    | Returns
+    | Collect
+    | Wait
+    | Prompt
+    | Group
+    | Repeat,
+    Field(discriminator="kind"),
+]
+"""The closed set of steps."""
+
+
+class Procedure(FileModel):
+    """What is done to one unit, as it stands in a file of bench/procedures."""
+
+    name: StepName
+    """Name by which the command line knows the procedure."""
+    version: Annotated[str, StringConstraints(pattern=r"^\d+\.\d+$")]
+    """Version, major.minor; every change of the file raises it."""
+    title: str
+    """What the procedure does, in a few words."""
+    description: str = ""
+    """What it is for, in sentences."""
+    limits: str
+    """Name of a shipped limits file or path of one."""
+    station: str = "default"
+    """Name of a shipped station file or path of one."""
+    steps: Annotated[list[AnyStep], Field(min_length=1)]
+    """Steps in order."""
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> Self:
+        seen: set[str] = set()
+        for step in self._declared(self.steps):
+            if step.name in seen:
+                message = f"names of steps must be unique; instead received {step.name!r} twice"
+                raise ValueError(message)
+            seen.add(step.name)
+        return self
+
+    @staticmethod
+    def _declared(steps: Sequence[Step]) -> Iterator[Step]:
+        for step in steps:
+            yield step
+            if isinstance(step, Group | Repeat):
+                yield from Procedure._declared(step.steps)
+
+    def walk(self) -> Iterator[Step]:
+        """Yield every step in the order in which it runs, repetitions included."""
+        for step in self.steps:
+            yield from step.walk()
+
+    @property
+    def uses_rig(self) -> bool:
+        """Whether any step moves the rig."""
+        return any(isinstance(step, Home) or step.poses() for step in self.walk())
+
+    @property
+    def pose_count(self) -> int:
+        """Number of dwells of the whole procedure."""
+        return sum(len(step.poses()) for step in self.walk())
+
+    def measured(self) -> tuple[str, ...]:
+        """Return the names of all measurements that the procedure judges, in order."""
+        return tuple(dict.fromkeys(name for step in self.walk() for name in step.measured()))
+
+
+Group.model_rebuild()
+Repeat.model_rebuild()
+Procedure.model_rebuild()

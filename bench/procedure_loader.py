@@ -1,0 +1,58 @@
+"""Procedures by name or path, and the JSON Schema that editors complete them by."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+from bench.limit_set import LimitsFile
+from bench.procedure import Procedure
+from bench.shipped import find_file, shipped_names
+from bench.station import StationFile
+from bench.typed_yaml import FileModel, load_model
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+_MODELS: Final[dict[str, type[FileModel]]] = {
+    "procedure": Procedure,
+    "limits": LimitsFile,
+    "station": StationFile,
+}
+
+
+def procedure_names() -> list[str]:
+    """Return the names of the shipped procedures."""
+    return shipped_names("procedures")
+
+
+def procedure_path(name: str) -> Path:
+    """Return the file of a procedure.
+
+    Raises
+    ------
+    ConfigError
+        If there is none; the sentence suggests the nearest name.
+    """
+    return find_file("procedures", name)
+
+
+def load_procedure(name: str) -> Procedure:
+    """Return a shipped procedure (by name) or any file's (by path).
+
+    Raises
+    ------
+    ConfigError
+        One sentence with file, line and column if it cannot be used.
+    """
+    return load_model(procedure_path(name), Procedure)
+
+
+def schema_names() -> list[str]:
+    """Return the kinds of file that have a schema."""
+    return list(_MODELS)
+
+
+def json_schema(kind: str = "procedure") -> dict[str, Any]:
+    """Return the JSON Schema of a kind of file: procedure, limits or station."""
+    schema = _MODELS[kind].model_json_schema()
+    return {"$schema": "http://json-schema.org/draft-07/schema#", **schema}

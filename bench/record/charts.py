@@ -1,0 +1,225 @@
+"""Inline SVG of the report. Colours are classes, so that the page's scheme decides them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from markupsafe import Markup
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from typing import Any
+
+    from bench.record.swing import HeadingPoint
+
+_WIDTH, _HEIGHT = 520.0, 250.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 52.0, 14.0, 12.0, 34.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Band:
+    """A symmetric limit drawn into a plot of errors, and the guard band inside it."""
+
+    limit_deg: float
+    guard_deg: float
+    name: str
+
+
+def tick_step(span: float, count: int = 5) -> float:
+    """Return a step of 1, 2 or 5 times a power of ten that gives about `count` ticks.
+
+    >>> tick_step(1.0), tick_step(70.0)
+    (0.2, 20.0)
+    """
+    rough = max(span, 1e-9) / count
+    power = 10.0 ** math.floor(math.log10(rough))
+    factor = next(f for f in (1.0, 2.0, 5.0, 10.0) if f * power >= rough * 0.999)
+    return round(factor * power, 12)
+
+
+def heading_error_chart(
+    points: Sequence[HeadingPoint], bands: Sequence[Band], title: str
+) -> Markup:
+    """Return a plot of heading error against heading, every pose one mark, nothing averaged."""
+    largest = max([abs(p.error_deg) for p in points] + [b.limit_deg for b in bands], default=1.0)
+    step = tick_step(2.0 * largest * 1.08, 6)
+    top = step * math.ceil(largest * 1.08 / step)
+
+    def x_of(heading_deg: float) -> float:
+        return _LEFT + (_WIDTH - _LEFT - _RIGHT) * heading_deg / 360.0
+
+    def y_of(error_deg: float) -> float:
+        return _TOP + (_HEIGHT - _TOP - _BOTTOM) * (top - error_deg) / (2.0 * top)
+
+    parts = [*_heading_axes(x_of, y_of, top, step), *_bands(bands, y_of)]
+    parts += _curve(points, x_of, y_of)
+    parts += [_mark(p, x_of(p.heading_deg), y_of(p.error_deg)) for p in points]
+    return _svg(_WIDTH, _HEIGHT, title, parts)
+
+
+def _heading_axes(x_of: Any, y_of: Any, top: float, step: float) -> list[str]:
+    parts = []
+    for heading in range(0, 361, 45):
+        x = x_of(heading)
+        parts.append(_line(x, _TOP, x, _HEIGHT - _BOTTOM, "grid"))
+        parts.append(_text(x, _HEIGHT - _BOTTOM + 14, f"{heading}", "middle"))
+    for index in range(-round(top / step), round(top / step) + 1):
+        value = index * step
+        y = y_of(value)
+        parts.append(_line(_LEFT, y, _WIDTH - _RIGHT, y, "zero" if index == 0 else "grid"))
+        parts.append(_text(_LEFT - 6, y + 3.5, f"{value:g}", "end"))
+    parts.append(_text((_LEFT + _WIDTH) / 2, _HEIGHT - 4, "magnetic heading, deg", "middle"))
+    middle = (_TOP + _HEIGHT - _BOTTOM) / 2
+    parts.append(
+        f'<text transform="translate(12 {middle:.1f}) rotate(-90)" text-anchor="middle">'
+        "error, deg</text>"
+    )
+    return parts
+
+
+def _bands(bands: Sequence[Band], y_of: Any) -> list[str]:
+    parts = []
+    for band in bands:
+        for sign in (1.0, -1.0):
+            y = y_of(sign * band.limit_deg)
+            parts.append(_line(_LEFT, y, _WIDTH - _RIGHT, y, f"limit {band.name}"))
+            inner = y_of(sign * (band.limit_deg - band.guard_deg))
+            parts.append(
+                f'<rect class="guard" x="{_LEFT:.1f}" width="{_WIDTH - _LEFT - _RIGHT:.1f}" '
+                f'y="{min(y, inner):.1f}" height="{abs(inner - y):.1f}"/>'
+            )
+        label = f"{band.name} limit {band.limit_deg:g}"
+        y = y_of(band.limit_deg)
+        parts.append(_text(_WIDTH - _RIGHT - 4, y + 11, label, "end", "limit-label"))
+    return parts
+
+
+def _curve(points: Sequence[HeadingPoint], x_of: Any, y_of: Any) -> list[str]:
+    parts = []
+    for direction in (1, -1, 0):
+        row = sorted(
+            (p for p in points if p.level and p.direction == direction),
+            key=lambda p: p.heading_deg,
+        )
+        if len(row) > 2:
+            path = " ".join(f"{x_of(p.heading_deg):.1f},{y_of(p.error_deg):.1f}" for p in row)
+            parts.append(f'<polyline class="curve" points="{path}"/>')
+    return parts
+
+
+def _mark(point: HeadingPoint, x: float, y: float) -> str:
+    where = "level" if point.level else "tilted"
+    tip = f"<title>{where}, {point.heading_deg:.1f} deg: {point.error_deg:+.3f} deg</title>"
+    if not point.level:
+        return f'<path class="mark tilted" d="M{x:.1f} {y - 4:.1f}l4 4-4 4-4-4z">{tip}</path>'
+    kind = "counter" if point.direction < 0 else "level"
+    return f'<circle class="mark {kind}" cx="{x:.1f}" cy="{y:.1f}" r="3">{tip}</circle>'
+
+
+def xy_chart(
+    raw_xy_mg: Sequence[tuple[float, float]],
+    corrected_xy_mg: Sequence[tuple[float, float]],
+    horizontal_mg: float,
+    title: str,
+) -> Markup:
+    """Return the level turn in the plane of x and y, before and after, with the field's circle."""
+    size = _HEIGHT
+    values = [abs(v) for xy in [*raw_xy_mg, *corrected_xy_mg] for v in xy] + [horizontal_mg]
+    top = max(values) * 1.12
+
+    def at(value: float) -> float:
+        return size / 2.0 * (1.0 + value / top)
+
+    step = tick_step(2.0 * top, 5)
+    parts = []
+    for index in range(-int(top / step), int(top / step) + 1):
+        style = "zero" if index == 0 else "grid"
+        parts.append(_line(at(index * step), 0.0, at(index * step), size, style))
+        parts.append(_line(0.0, at(index * step), size, at(index * step), style))
+        if index:
+            parts.append(_text(at(index * step), size / 2 + 12, f"{index * step:g}", "middle"))
+    radius = at(horizontal_mg) - at(0.0)
+    parts.append(f'<circle class="truth" cx="{size / 2}" cy="{size / 2}" r="{radius:.1f}"/>')
+    for style, rows in (("raw", raw_xy_mg), ("level", corrected_xy_mg)):
+        parts += [
+            f'<circle class="mark {style}" cx="{at(y):.1f}" cy="{size - at(x):.1f}" r="2.6"/>'
+            for x, y in rows
+        ]
+    parts.append(_text(size - 4, size / 2 - 5, "y, mG", "end"))
+    parts.append(_text(size / 2 + 5, 11, "x, mG", "start"))
+    return _svg(size, size, title, parts)
+
+
+def limit_bar(entry: Mapping[str, Any]) -> Markup:
+    """Return the bar of one measurement: limits, guard band, value with its uncertainty."""
+    low, high, value = entry["low"], entry["high"], entry["value"]
+    if value is None or (low is None and high is None):
+        return Markup("")
+    width, height = 170.0, 16.0
+    bottom, top = _bar_range(low, high, value)
+    if top <= bottom:
+        return Markup("")
+
+    def x_of(v: float) -> float:
+        return 6.0 + (width - 12.0) * min(max((v - bottom) / (top - bottom), 0.0), 1.0)
+
+    inside_low = bottom if low is None else low
+    inside_high = top if high is None else high
+    band = entry["guard_band"] or 0.0
+    left = x_of(inside_low + (band if low is not None else 0.0))
+    right = x_of(inside_high - (band if high is not None else 0.0))
+    parts = [
+        f'<rect class="track" x="6" y="6" width="{width - 12:.1f}" height="4" rx="2"/>',
+        _span("guard", x_of(inside_low), x_of(inside_high)),
+        _span("inside", left, max(left, right)),
+    ]
+    parts += [_line(x_of(v), 2.0, x_of(v), 14.0, "edge") for v in (low, high) if v is not None]
+    spread = entry["uncertainty"] or 0.0
+    if spread:
+        parts.append(_line(x_of(value - spread), 8.0, x_of(value + spread), 8.0, "spread"))
+    outcome = str(entry["outcome"] or "").lower()
+    parts.append(_pointer(x_of(value), bottom <= value <= top, value > bottom, outcome))
+    return _svg(width, height, f"{entry['name']} against its limits", parts, "bar")
+
+
+def _pointer(x: float, visible: bool, above: bool, outcome: str) -> str:
+    if visible:
+        return f'<circle class="value {outcome}" cx="{x:.1f}" cy="8" r="4"/>'
+    way = 6 if above else -6
+    return f'<path class="value {outcome}" d="M{x - way:.1f} 3 L{x:.1f} 8 L{x - way:.1f} 13z"/>'
+
+
+def _bar_range(low: float | None, high: float | None, value: float) -> tuple[float, float]:
+    if low is not None and high is not None:
+        margin = 0.2 * (high - low) or max(abs(high), 1.0)
+        return low - margin, high + margin
+    if high is not None:
+        return (0.0, high * 1.3) if high > 0.0 <= value else (min(value, high) - 1.0, high + 1.0)
+    edge = low or 0.0
+    if edge > 0.0:
+        return 0.0, max(edge * 2.0, value * 1.1)
+    return edge - 1.0, max(value, edge) + 1.0
+
+
+def _span(style: str, left: float, right: float) -> str:
+    width = max(right - left, 0.0)
+    return f'<rect class="{style}" x="{left:.1f}" y="5" width="{width:.1f}" height="6"/>'
+
+
+def _line(x1: float, y1: float, x2: float, y2: float, style: str) -> str:
+    return f'<line class="{style}" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
+
+
+def _text(x: float, y: float, text: str, anchor: str, style: str = "") -> str:
+    kind = f' class="{style}"' if style else ""
+    return f'<text{kind} x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{text}</text>'
+
+
+def _svg(
+    width: float, height: float, title: str, parts: Sequence[str], style: str = "chart"
+) -> Markup:
+    opening = f'<svg class="{style}" viewBox="0 0 {width:g} {height:g}" role="img" '
+    label = Markup.escape(title)
+    return Markup(f'{opening}aria-label="{label}">{"".join(parts)}</svg>')  # noqa: S704

@@ -1,0 +1,196 @@
+"""report.html: one page for operator, engineer and customer, without network or scripts."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from bench.acceptance.catalogue import MEASUREMENTS
+from bench.acceptance.outcome import Outcome
+from bench.acceptance.verdict import last_attempts
+from bench.record.charts import Band, heading_error_chart, limit_bar, xy_chart
+from bench.record.document import read_record
+from bench.record.entries import measurement_entry, measurement_of
+from bench.record.swing import swing_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from bench.record.swing import Swing
+
+TEMPLATE: Final = "report.html.j2"
+SYMBOLS: Final = {
+    Outcome.PASS: "✓",
+    Outcome.MARGINAL: "≈",
+    Outcome.FAIL: "✕",
+    Outcome.ABORTED: "■",
+    Outcome.ERROR: "!",
+}
+_VERDICT_OF_NONE: Final = {
+    "outcome": "ERROR",
+    "reason": "the run did not end",
+    "next_action": "Do not judge the unit: run it again.",
+    "rule": "",
+}
+
+
+def write_report(path: Path, record: Mapping[str, Any]) -> None:
+    """Write the report of a record; plots come from the samples that lie beside it."""
+    path.write_text(report_of(path.parent, record), encoding="utf-8")
+
+
+def rewrite_report(run_dir: Path) -> Path:
+    """Write the report of a finished run again and return its path.
+
+    Raises
+    ------
+    ConfigError
+        If the folder holds no record.
+    """
+    path = run_dir / "report.html"
+    write_report(path, read_record(run_dir))
+    return path
+
+
+def report_of(run_dir: Path, record: Mapping[str, Any]) -> str:
+    """Return the report as HTML."""
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(
+        number=number, limits=limits_text, distance=distance, bar=limit_bar, words=words,
+        when=when,
+    )  # fmt: skip
+    swing = swing_of(run_dir, record)
+    rows = report_rows(record)
+    missed = [row for row in rows if row["outcome"] in (Outcome.FAIL, Outcome.ERROR)]
+    close = [row for row in rows if row["outcome"] == Outcome.MARGINAL]
+    verdict = record["verdict"] or _VERDICT_OF_NONE
+    return environment.get_template(TEMPLATE).render(
+        record=record,
+        verdict=verdict,
+        symbol=SYMBOLS[Outcome(verdict["outcome"])],
+        symbols=SYMBOLS,
+        rows=rows,
+        judged=sum(row["limited"] for row in rows),
+        attention=sorted(missed, key=lambda r: r["name"] != record["first_failure"]) + close,
+        steps=list(dict.fromkeys(row["step"] for row in rows)),
+        charts=_charts(swing, record, rows),
+        best=_best_first(record),
+        shown=_headlines(rows),
+        repeated=[entry for entry in record["steps"] if entry["attempt"] > 1],
+    )
+
+
+def report_rows(record: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the last attempt of each measurement with the words that stand beside it."""
+    rows = []
+    for measurement in last_attempts(measurement_of(e) for e in record["measurements"]):
+        entry = measurement_entry(measurement)
+        kind = MEASUREMENTS.get(measurement.name)
+        meaning = entry["description"] or (kind.meaning if kind else "")
+        limited = entry["low"] is not None or entry["high"] is not None
+        rows.append({**entry, "meaning": meaning, "limited": limited})
+    return rows
+
+
+def _charts(
+    swing: Swing, record: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
+    by_name = {row["name"]: row for row in rows}
+    bands = [
+        Band(limit_deg=row["high"], guard_deg=row["guard_band"] or 0.0, name=name)
+        for name, row in (("level", by_name.get("level_max")), ("tilted", by_name.get("tilt_max")))
+        if row is not None and row["high"] is not None
+    ]
+    charts: dict[str, Any] = {"raw": None, "compensated": None, "xy": None}
+    if swing.raw:
+        charts["raw"] = heading_error_chart(swing.raw, [], "Heading error before calibration")
+        horizontal_mg = float(record["station"]["horizontal_mg"])
+        charts["xy"] = xy_chart(
+            swing.raw_xy_mg, swing.corrected_xy_mg, horizontal_mg, "Level turn before and after"
+        )
+    if swing.compensated:
+        charts["compensated"] = heading_error_chart(
+            swing.compensated, bands, "Heading error of the module after calibration"
+        )
+    return charts
+
+
+def _headlines(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Return the figures that a reader looks for first."""
+    names = ("level_max", "level_rms", "tilt_max", "tilt_rms", "repeatability")
+    by_name = {row["name"]: row for row in rows}
+    return [by_name[name] for name in names if name in by_name]
+
+
+def _best_first(record: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the fits by what they achieved on the verification poses, refused ones last."""
+
+    def badness(fit: Mapping[str, Any]) -> tuple[bool, float]:
+        achieved = fit["achieved"]
+        maxima = [achieved[k] for k in ("level_max_deg", "tilt_max_deg") if achieved[k] is not None]
+        return fit["cause"] is not None, max(maxima, default=float("inf"))
+
+    return sorted(record["fits"], key=badness)
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Return a number with `digits` significant digits, without a needless exponent.
+
+    >>> number(0.12345), number(12345.6), number(None), number(-0.0004)
+    ('0.123', '12346', '–', '−0.0004')
+    """
+    if value is None:
+        return "–"
+    size = abs(value)
+    if size >= 10.0 ** (digits - 1):
+        text = f"{value:.0f}"
+    else:
+        text = f"{value:#.{digits}g}" if size >= 1e-3 else f"{value:.{digits}g}"
+        text = text.rstrip(".") if "e" in text or size >= 1e-3 else text
+    return text.replace("-", "−")
+
+
+def limits_text(row: Mapping[str, Any]) -> str:
+    """Return the limits of a row in words."""
+    low, high = row["low"], row["high"]
+    unit = f" {row['unit']}" if row["unit"] else ""
+    if low is not None and high is not None:
+        if low == high:
+            return f"{low:g}{unit}"
+        return f"{low:g} … {high:g}{unit}".replace("-", "−")
+    if high is not None:
+        return f"≤ {high:g}{unit}"
+    return f"≥ {low:g}{unit}" if low is not None else ""
+
+
+def distance(row: Mapping[str, Any]) -> str:
+    """Return how far a value lies inside or outside its nearest limit."""
+    value, low, high = row["value"], row["low"], row["high"]
+    if value is None or (low is None and high is None) or low == high:
+        return ""
+    rooms = [high - value] if high is not None else []
+    rooms += [value - low] if low is not None else []
+    room = min(rooms)
+    unit = f" {row['unit']}" if row["unit"] else ""
+    return f"{number(abs(room))}{unit} {'inside' if room >= 0.0 else 'outside'}"
+
+
+def words(name: str) -> str:
+    """Return a name with spaces for underscores."""
+    return name.replace("_", " ")
+
+
+def when(stamp: str | None) -> str:
+    """Return a time of day for readers."""
+    if stamp is None:
+        return "–"
+    return f"{datetime.fromisoformat(stamp):%Y-%m-%d %H:%M:%S} UTC"

@@ -1,0 +1,1 @@
+"""What an engineer opens in rerun to see why a unit failed."""

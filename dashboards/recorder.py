@@ -1,0 +1,195 @@
+"""Makes run.rrd of a run's folder, with the dashboard embedded.
+
+The recording is made after measuring, from what the run has written: a dashboard costs no
+tick, and the same folder gives the same picture. It reads the samples block by block.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import rerun as rr
+
+from bench.samples import MOVING, READING
+from dashboards import entities
+from dashboards.blueprint import blueprint
+from dashboards.ground import log_shapes
+from dashboards.run_view import RunView
+from dashboards.scene import log_scene
+from dashboards.signals import (
+    dwells_of,
+    log_block,
+    log_dwell_errors,
+    log_limit_band,
+    log_styles,
+)
+from dashboards.traffic import log_traffic
+from dashboards.verdict_text import deviation_markdown, methods_markdown, verdict_markdown
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+
+def write_recording(path: Path, record: dict[str, Any] | None = None) -> None:
+    """Write the recording of the run in whose folder `path` lies.
+
+    Parameters
+    ----------
+    path : Path
+        The file to write, beside samples.parquet; it is written under another name and
+        renamed when it has its footer.
+    record : dict, optional
+        The run's document; read from record.json if not given.
+    """
+    run = RunView(path.parent, record)
+    record = run.record
+    identity = record.get("run", {})
+    partial = path.with_name(path.name + ".part")
+    recording = rr.RecordingStream(
+        entities.APPLICATION_ID, recording_id=str(identity.get("id", path.parent.name))
+    )
+    recording.set_log_time_enabled(enabled=False)
+    recording.save(partial, default_blueprint=blueprint(run))
+    try:
+        recording.send_recording_name(f"{identity.get('serial', '?')} {identity.get('procedure', '')}")
+        _log_run(recording, run)
+        _log_properties(recording, record)
+    finally:
+        recording.flush()
+        recording.disconnect()
+    partial.replace(path)
+
+
+def _log_run(recording: rr.RecordingStream, run: RunView) -> None:
+    log_scene(recording, run.field_ned_mg)
+    log_styles(recording)
+    log_shapes(recording, run)
+    tracker = _DwellTracker()
+    for block in run.blocks():
+        log_block(recording, block, tracker.positions(block.samples))
+    ends = tracker.ends()
+    if ends is not None:
+        limit_deg = run.high("level_max", run.high("tilt_max", 0.5))
+        log_limit_band(recording, ends, limit_deg)
+        log_dwell_errors(recording, run, tracker.dwells(), tracker.ticks)
+        _log_procedure(recording, run, ends)
+        log_traffic(recording, run.record, ends)
+    _log_texts(recording, run.record)
+
+
+class _DwellTracker:
+    """Follows the position through the blocks and keeps one reading a dwell."""
+
+    def __init__(self) -> None:
+        self.ticks: dict[int, int] = {}
+        self._last = 0
+        self._open: list[NDArray[np.void]] = []
+        self._dwells: list[NDArray[np.void]] = []
+        self._first: NDArray[np.void] | None = None
+        self._end: NDArray[np.void] | None = None
+
+    def positions(self, samples: NDArray[np.void]) -> NDArray[np.int64]:
+        """Return the position of each sample, that of the last dwell while moving."""
+        index = np.where(samples["position"] != MOVING, np.arange(len(samples)), -1)
+        last = np.maximum.accumulate(index)
+        position = samples["position"][np.maximum(last, 0)].astype(np.int64)
+        position[last < 0] = self._last
+        self._last = int(position[-1])
+        self._collect(samples[samples["position"] != MOVING])
+        self._first = samples[:1] if self._first is None else self._first
+        self._end = samples[-1:]
+        return position
+
+    def _collect(self, settled: NDArray[np.void]) -> None:
+        for position, tick in zip(settled["position"], settled["tick"], strict=True):
+            self.ticks[int(position)] = int(tick)
+        pending = np.concatenate([*self._open, settled]) if self._open else settled
+        if len(pending) == 0:
+            return
+        newest = pending["position"] == pending["position"][-1]
+        self._dwells.append(dwells_of(pending[~newest]))
+        self._open = [pending[newest]]
+
+    def dwells(self) -> NDArray[np.void]:
+        """Return all readings of the run, shape (n,)."""
+        parts = [*self._dwells, *(dwells_of(rows) for rows in self._open)]
+        return np.concatenate(parts) if parts else np.zeros(0, dtype=READING)
+
+    def ends(self) -> NDArray[np.void] | None:
+        """Return the first and the last sample, shape (2,)."""
+        if self._first is None or self._end is None:
+            return None
+        return np.concatenate([self._first, self._end])
+
+
+def _log_procedure(recording: rr.RecordingStream, run: RunView, ends: NDArray[np.void]) -> None:
+    steps = run.record.get("steps", [])
+    names = list(dict.fromkeys(str(step["name"]) for step in steps))
+    if not names:
+        return
+    colours = [entities.STEP_COLOURS[i % len(entities.STEP_COLOURS)] for i in range(len(names))]
+    configuration = rr.StateConfiguration(
+        values=names,
+        labels=[name.replace("_", " ") for name in names],
+        colors=np.array(colours, dtype=np.uint32),
+    )
+    recording.log(f"{entities.PROCEDURE}/step", configuration, static=True)
+    for step in steps:
+        _set_time(recording, float(step.get("started_s") or 0.0))
+        recording.log(f"{entities.PROCEDURE}/step", rr.StateChange(state=str(step["name"])))
+    _log_events(recording, run.folder / "events.ndjson")
+    _set_time(recording, float(ends["t_s"][-1]))
+
+
+def _log_events(recording: rr.RecordingStream, path: Path) -> None:
+    if not path.exists():
+        return
+    for line in path.read_text("utf-8").splitlines():
+        event: dict[str, Any] = json.loads(line)
+        _set_time(recording, float(event.get("t_s") or 0.0))
+        outcome = event.get("outcome")
+        level = "ERROR" if outcome in {"FAIL", "ERROR", "ABORTED"} else "INFO"
+        details = {k: v for k, v in event.items() if k not in {"kind", "t_s", "at_utc", "wall_utc"}}
+        text = ", ".join(f"{key} {_plain(value)}" for key, value in details.items())
+        recording.log(f"{entities.PROCEDURE}/log", rr.TextLog(f"{event.get('kind')}: {text}", level=level))
+
+
+def _plain(value: object) -> str:
+    """Return text in glyphs that every viewer can draw."""
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return text.encode("latin-1", "replace").decode("latin-1")[:200]
+
+
+def _set_time(recording: rr.RecordingStream, t_s: float) -> None:
+    recording.set_time(entities.SIM_TIME, duration=np.timedelta64(round(t_s * 1e9), "ns"))
+    recording.set_time(entities.TICK, sequence=round(t_s * 100.0))
+
+
+def _log_texts(recording: rr.RecordingStream, record: dict[str, Any]) -> None:
+    for name, text in (
+        ("verdict", verdict_markdown(record)),
+        ("methods", methods_markdown(record)),
+        ("deviation", deviation_markdown(record)),
+    ):
+        document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+        recording.log(f"{entities.ACCEPTANCE}/{name}", document, static=True)
+
+
+def _log_properties(recording: rr.RecordingStream, record: dict[str, Any]) -> None:
+    identity, module = record.get("run", {}), record.get("module") or {}
+    recording.send_property(
+        "module",
+        rr.AnyValues(
+            serial=str(identity.get("serial", "")),
+            firmware=str(module.get("firmware", "")),
+            procedure=str(identity.get("procedure", "")),
+        ),
+    )
+    outcome = str((record.get("verdict") or {}).get("outcome", "ERROR"))
+    values = {m["name"]: float(m["value"]) for m in record.get("measurements", []) if m["value"] is not None}
+    chosen = {name: values[name] for name in ("level_max", "tilt_max", "repeatability") if name in values}
+    recording.send_property("acceptance", rr.AnyValues(outcome=outcome, **chosen))

@@ -1,0 +1,112 @@
+"""The verdict, the methods and the deviation of a run in Markdown."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+_MARKS: Final = {"PASS": "pass", "MARGINAL": "**marginal**", "FAIL": "**FAIL**", "ERROR": "**ERROR**"}
+_LETTERS: Final = ("A", "B", "C", "D", "E")
+_MEANINGS: Final = {
+    "A": "index, rotation",
+    "B": "hard iron fore-aft",
+    "C": "hard iron athwart",
+    "D": "soft iron, axes",
+    "E": "soft iron, diagonal",
+}
+
+
+def verdict_markdown(record: dict[str, Any]) -> str:
+    """Return outcome, reason, next action and every limit, missed ones first."""
+    verdict = record.get("verdict") or {"outcome": "ERROR", "reason": "the run was broken off"}
+    run = record.get("run", {})
+    lines = [
+        f"# {verdict['outcome']}  `{run.get('serial', '?')}`",
+        verdict.get("reason", ""),
+        "",
+        verdict.get("next_action", ""),
+        "",
+        "| measurement | value | limits | unit | result |",
+        "|---|---:|---:|---|:--:|",
+    ]
+    judged = [m for m in record.get("measurements", []) if _limits(m)]
+    judged.sort(key=lambda m: m.get("outcome") == "PASS")
+    for measurement in judged:
+        mark = _MARKS.get(str(measurement.get("outcome")), str(measurement.get("outcome")))
+        lines.append(
+            f"| {measurement['name']} | {_number(measurement['value'])} | {_limits(measurement)} "
+            f"| {measurement.get('unit', '')} | {mark} |"
+        )
+    faults = record.get("injected_faults") or []
+    if faults:
+        lines += ["", f"Injected faults: {', '.join(map(str, faults))}"]
+    return "\n".join(lines)
+
+
+def methods_markdown(record: dict[str, Any]) -> str:
+    """Return every method's heading error on the verification poses, best first."""
+    fits = {fit["method"]: fit for fit in record.get("fits", [])}
+    order = [m for m in record.get("ranking", []) if m in fits]
+    order += [m for m in fits if m not in order]
+    lines = [
+        "# Methods on the same samples",
+        "",
+        "| method | level max (°) | level rms | tilted max (°) | tilted rms | predicted rms | residual (mG) |",
+        "|---|---:|---:|---:|---:|---:|---:|",
+    ]
+    for method in order:
+        fit = fits[method]
+        if fit.get("cause"):
+            lines.append(f"| {method} | refused: {fit['cause']} | | | | | |")
+            continue
+        achieved = fit.get("achieved") or {}
+        cells = [
+            achieved.get("level_max_deg"),
+            achieved.get("level_rms_deg"),
+            achieved.get("tilt_max_deg"),
+            achieved.get("tilt_rms_deg"),
+            fit.get("predicted_heading_rms_deg"),
+            fit.get("residual_rms_mg"),
+        ]
+        lines.append(f"| {method} | " + " | ".join(_number(cell) for cell in cells) + " |")
+    return "\n".join(lines)
+
+
+def deviation_markdown(record: dict[str, Any]) -> str:
+    """Return the coefficients A-E before and after, with standard errors and words."""
+    deviation = record.get("deviation") or {}
+    lines = ["# Deviation A to E (°)", "", "| | raw | compensated | from |", "|---|---:|---:|---|"]
+    raw, compensated = deviation.get("raw") or {}, deviation.get("compensated") or {}
+    for letter in _LETTERS:
+        cells = [_with_error(part, letter) for part in (raw, compensated)]
+        lines.append(f"| {letter} | {cells[0]} | {cells[1]} | {_MEANINGS[letter]} |")
+    for name, part in (("Raw", raw), ("Compensated", compensated)):
+        words = part.get("words")
+        if words:
+            text = words if isinstance(words, str) else "; ".join(map(str, words))
+            lines += ["", f"**{name}:** {text}"]
+    return "\n".join(lines)
+
+
+def _with_error(part: dict[str, Any], letter: str) -> str:
+    if part.get(letter) is None:
+        return "–"
+    se = part.get("se")
+    error = se.get(letter) if isinstance(se, dict) else None
+    return _number(part[letter]) + (f" ± {_number(error)}" if error is not None else "")
+
+
+def _limits(measurement: dict[str, Any]) -> str:
+    low, high = measurement.get("low"), measurement.get("high")
+    if low is None and high is None:
+        return ""
+    if low is None:
+        return f"≤ {_number(high)}"
+    if high is None:
+        return f"≥ {_number(low)}"
+    return f"{_number(low)} … {_number(high)}"
+
+
+def _number(value: object) -> str:
+    if value is None:
+        return "–"
+    return f"{float(value):.3g}" if abs(float(value)) < 1000 else f"{float(value):.0f}"  # type: ignore[arg-type]

@@ -1,0 +1,1 @@
+"""Virtual world, rig and compass module: physics and firmware behind CAN frames."""

@@ -1,0 +1,225 @@
+"""Builds a virtual station: a rig, a module in its field, and the host that runs them.
+
+Everything random comes from the seed: the rig, the unit (with its serial number), the
+noise and the diagnostics' seeds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from devices.coefficient_store import CoefficientStore
+from devices.drive import Drive
+from devices.faults import parse_fault
+from devices.field import EarthField
+from devices.firmware import Converters, Firmware
+from devices.host import Host
+from devices.module import CompassModule
+from devices.replay import ReplaySensors
+from devices.rig import draw_rig
+from devices.sensors import Sensors
+from devices.unit import draw_unit, unit_stream
+from devices.world import SlowDrift, World
+from protocols.canopen import AXIS_NODES
+from protocols.clock import MonotonicClock
+from protocols.j1939 import MODULE_ADDRESS
+from protocols.sync import TICK_NS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from devices.faults import ActiveFault
+    from protocols.clock import Clock
+    from protocols.link import Link
+
+LONGEST_SERIAL: Final = 32
+SILENT_TICKS: Final = 500
+"""The fault `module_silent` below strength 1 lasts for this number of ticks times it."""
+SILENT_FROM_TICK: Final = 3000
+"""Tick at which the module falls silent if the fault names none: in the middle of a run."""
+_NOISE: Final = 2
+_FIRMWARE: Final = 3
+_NEVER_NS: Final = 1 << 62
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatorOptions:
+    """What the virtual station is made of.
+
+    Attributes
+    ----------
+    serial : str
+        Serial number of the module in the seat, 1 to 32 printable ASCII characters.
+    seed : int
+        Seed of the rig, the unit and every noise.
+    faults : tuple of str
+        NAME[=strength][@tick] from `devices.faults`.
+    nvm : Path, optional
+        File of the module's non-volatile memory; kept in this process without one.
+    replay : Path, optional
+        Recording in the product's CSV that takes the place of the sensors.
+    horizontal_mg, dip_deg, declination_deg : float
+        Field of the site; the declination counts from the rig's zero.
+    address : int
+        J1939 source address of the module.
+    drift : bool
+        Whether the site's field drifts slowly.
+
+    Raises
+    ------
+    ValueError
+        If a value cannot be; says which.
+    """
+
+    serial: str = "SN0001"
+    seed: int = 1
+    faults: tuple[str, ...] = ()
+    nvm: Path | None = None
+    replay: Path | None = None
+    horizontal_mg: float = 250.0
+    dip_deg: float = 60.0
+    declination_deg: float = 0.0
+    address: int = MODULE_ADDRESS
+    drift: bool = True
+
+    def __post_init__(self) -> None:
+        serial = self.serial
+        if not (serial.isascii() and serial.isprintable() and 1 <= len(serial) <= LONGEST_SERIAL):
+            message = (
+                f"serial must be 1 to {LONGEST_SERIAL} printable ASCII characters; "
+                f"instead received {serial!r}"
+            )
+            raise ValueError(message)
+        if not 0 <= self.address <= 0xFD:
+            message = f"address must be within 0 and 253; instead received {self.address}"
+            raise ValueError(message)
+        if self.seed < 0:
+            message = f"seed must be at least 0; instead received {self.seed}"
+            raise ValueError(message)
+        for fault in self.faults:
+            parse_fault(fault)
+
+
+class FaultSchedule:
+    """Starts each fault at its tick, in the part of the simulator that it breaks."""
+
+    def __init__(
+        self, faults: Sequence[ActiveFault], world: World, sensors: object, module: CompassModule
+    ) -> None:
+        self._pending = sorted(faults, key=lambda fault: fault.tick)
+        self._world = world
+        self._sensors = sensors
+        self._module = module
+        self(0)
+
+    def __call__(self, tick: int) -> None:
+        """Start what is due at a tick."""
+        while self._pending and self._pending[0].tick <= tick:
+            self._start(self._pending.pop(0))
+
+    def _start(self, active: ActiveFault) -> None:
+        name = active.fault.name
+        if name == "lost_write":
+            self._module.firmware.lost_write = active.strength
+        elif name == "module_silent":
+            from_ns = (active.tick or SILENT_FROM_TICK) * TICK_NS
+            ticks = int(SILENT_TICKS * active.strength)
+            until_ns = _NEVER_NS if active.strength >= 1.0 else from_ns + ticks * TICK_NS
+            self._module.silence(from_ns, until_ns)
+        elif not self._world.rig.apply(active) and isinstance(self._sensors, Sensors):
+            self._sensors.apply(active)
+
+
+def build_world(options: SimulatorOptions) -> World:
+    """Return the site's field and the rig of these options."""
+    field = EarthField(
+        horizontal_mg=options.horizontal_mg,
+        dip_deg=options.dip_deg,
+        declination_deg=options.declination_deg,
+    )
+    drift = SlowDrift() if options.drift else None
+    return World(field, draw_rig(options.seed), drift=drift)
+
+
+def build_module(
+    options: SimulatorOptions, world: World
+) -> tuple[CompassModule, Sensors | ReplaySensors]:
+    """Return the module of these options in a world, and what it measures with.
+
+    Raises
+    ------
+    ValueError, OSError
+        If a recording was asked for and is none, or cannot be read.
+    """
+    serial, seed = options.serial, options.seed
+    rng = unit_stream(serial, seed, _FIRMWARE)
+    store = CoefficientStore(options.nvm)
+    if options.replay is not None:
+        replay = ReplaySensors(options.replay)
+        firmware = Firmware(serial, replay, store, rng, converters=replay.converters, replay=replay)
+        return CompassModule(firmware, address=options.address), replay
+    unit = draw_unit(serial, seed, site=world.earth)
+    sensors = Sensors(unit, world, unit_stream(serial, seed, _NOISE))
+    converters = Converters(
+        mag_mg_per_count=unit.mag_mg_per_count,
+        accel_g_per_count=unit.accel_g_per_count,
+        mag_count_limit=2 ** (unit.bits - 1) - 1,
+    )
+    firmware = Firmware(serial, sensors, store, rng, converters=converters)
+    return CompassModule(firmware, address=options.address), sensors
+
+
+def build_host(options: SimulatorOptions, links: Link | Sequence[Link]) -> Host:
+    """Return the host of a virtual station: three drives, then the module.
+
+    Parameters
+    ----------
+    options : SimulatorOptions
+        What to build.
+    links : Link or sequence of Link
+        One for all four nodes, or one for each in that order.
+    """
+    world = build_world(options)
+    module, sensors = build_module(options, world)
+    drives = [
+        Drive(node_id, axis, serial=options.seed * 8 + node_id)
+        for node_id, axis in zip(AXIS_NODES, world.rig.axes, strict=True)
+    ]
+    schedule = FaultSchedule([parse_fault(f) for f in options.faults], world, sensors, module)
+    return Host(world, [*drives, module], links, at_tick=schedule if options.faults else None)
+
+
+def simulate(
+    options: SimulatorOptions,
+    link: Link,
+    *,
+    free_running: bool,
+    stop: Callable[[], bool],
+    seconds: float | None = None,
+    clock: Clock | None = None,
+) -> Host:
+    """Run a virtual station on a link until `stop()` or for some seconds of `clock`.
+
+    The clock is the machine's monotonic one by default; lock-step uses it for `seconds` only.
+
+    Returns the host, whose `tick_count` says how long it ran.
+
+    Raises
+    ------
+    LinkError
+        If the link breaks.
+    """
+    clock = clock or MonotonicClock()
+    host = build_host(options, link)
+    end_ns = None if seconds is None else clock.now_ns() + int(seconds * 1e9)
+
+    def ended() -> bool:
+        return stop() or (end_ns is not None and clock.now_ns() >= end_ns)
+
+    if free_running:
+        host.run_free(clock, ended)
+    else:
+        host.run_lockstep(ended)
+    return host

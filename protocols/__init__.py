@@ -1,0 +1,1 @@
+"""What is on the wire between the bench and its devices: identifiers, frames, codecs."""

@@ -1,0 +1,77 @@
+"""Opening a python-can bus, and one sentence for each way in which that fails."""
+
+from __future__ import annotations
+
+import difflib
+import errno
+import logging
+from typing import TYPE_CHECKING, Any, Final
+
+import can
+from can.interfaces import BACKENDS
+
+from protocols.errors import LinkError
+from protocols.lockstep import LockstepBus
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+_UDP_GROUP: Final = "239.74.163.2"
+"""python-can's IPv4 group: machines without IPv6 have it too."""
+
+
+def open_bus(
+    interface: str, channel: str | int | None, bitrate: int, bus_kwargs: Mapping[str, Any]
+) -> can.BusABC:
+    """Return an open bus.
+
+    Raises
+    ------
+    LinkError
+        If the interface is unknown, or the channel does not exist or cannot be opened.
+    """
+    if interface == "lockstep":  # also where the package's entry points are not installed
+        return LockstepBus("bench0" if channel is None else channel)
+    if interface not in BACKENDS:
+        raise LinkError(_unknown_interface(interface))
+    logging.getLogger("can").addHandler(logging.NullHandler())  # our sentence is enough
+    kwargs: dict[str, Any] = {"bitrate": bitrate, **bus_kwargs}
+    if interface == "udp_multicast":
+        # this machine only: other machines' benches share the group's default address
+        kwargs = {"hop_limit": 0, "fd": False, **kwargs}
+        channel = _UDP_GROUP if channel is None else channel
+    try:
+        return can.Bus(channel=channel, interface=interface, **kwargs)
+    except (can.CanError, OSError, ValueError, TypeError, ImportError, RuntimeError) as error:
+        raise LinkError(_cannot_open(interface, channel, error)) from error
+
+
+def _unknown_interface(interface: str) -> str:
+    near = difflib.get_close_matches(interface, [*BACKENDS, "lockstep"], n=1)
+    hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(sorted(BACKENDS))}"
+    return f"interface {interface} does not exist in python-can: {hint}"
+
+
+def _cannot_open(interface: str, channel: str | int | None, error: Exception) -> str:
+    number = getattr(error, "errno", None) or getattr(error, "error_code", None)
+    if interface == "socketcan" and number == errno.ENODEV:
+        kind = "vcan" if str(channel).startswith("vcan") else "can"
+        make = (
+            f"`ip link add dev {channel} type vcan && ip link set {channel} up`"
+            if kind == "vcan"
+            else f"`ip link set {channel} up type can bitrate 500000`"
+        )
+        return (
+            f"channel {channel} does not exist on interface socketcan: bring it up with {make} "
+            "or name another with --channel"
+        )
+    if interface == "socketcan" and number == errno.EAFNOSUPPORT:
+        return (
+            f"channel {channel} cannot be opened because this kernel has no SocketCAN: "
+            "load the module can_raw or use another --interface"
+        )
+    reason = " ".join(str(error).split()) or type(error).__name__
+    return (
+        f"channel {channel} on interface {interface} cannot be opened ({reason}): "
+        "check that the adapter is there, or name another with --interface and --channel"
+    )

@@ -1,0 +1,245 @@
+"""A `Link` over any adapter that python-can knows.
+
+One reader thread empties the channel into a queue, so that a busy bench loses no frame.
+python-can's own Notifier is not used: it stops silently at the first exception of a
+listener. Linux SocketCAN is read and written directly (`socketcan_port`): python-can's
+reader would hide the kernel's drop counter.
+"""
+
+from __future__ import annotations
+
+import errno
+import threading
+import time
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Any, Final, Protocol, Self
+
+from protocols.clock import Clock, MonotonicClock
+from protocols.errors import LinkError
+from protocols.frame import Frame
+from protocols.link_faults import FaultCounter, LinkFault
+
+if TYPE_CHECKING:
+    import can
+
+SEND_DEADLINE_S: Final = 1.0
+"""How long a full transmit queue is waited for."""
+READER_PERIOD_S: Final = 0.1
+"""The reader thread looks this often whether it is to end."""
+THREADLESS_INTERFACES: Final = frozenset({"virtual", "lockstep"})
+"""In-process interfaces whose queue has no end: read by whoever polls."""
+
+_RETRIED: Final = frozenset({errno.ENOBUFS, errno.EAGAIN})
+
+
+class Port(Protocol):
+    """The raw side of a link: one channel's driver."""
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send once; raises OSError with ENOBUFS or EAGAIN where trying again helps."""
+        ...
+
+    def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
+        """Return (identifier, data) of the next data frame, or None after the time-out."""
+        ...
+
+    def close(self) -> None:
+        """Release the channel."""
+        ...
+
+
+class PyCanLink:
+    """A `Link` on a channel of a python-can interface.
+
+    Parameters
+    ----------
+    interface : str
+        python-can's name of the interface: "socketcan", "slcan", "virtual", "udp_multicast", ...
+    channel : str or int or None
+        python-can's name of the channel; None takes it from python-can's configuration.
+    bitrate : int
+        Bit rate in bit/s, where the interface sets it.
+    clock : Clock, optional
+        Gives each frame its time at reception; the machine's monotonic clock by default.
+    **bus_kwargs
+        Passed to `can.Bus`.
+
+    Raises
+    ------
+    LinkError
+        If the interface or the channel does not exist or cannot be opened.
+    """
+
+    def __init__(
+        self,
+        interface: str,
+        channel: str | int | None,
+        *,
+        bitrate: int = 500_000,
+        clock: Clock | None = None,
+        **bus_kwargs: Any,
+    ) -> None:
+        from protocols.bus_opening import open_bus
+
+        bus = open_bus(interface, channel, bitrate, bus_kwargs)
+        self._start(bus, interface, str(channel), clock)
+
+    @classmethod
+    def on_bus(
+        cls, bus: can.BusABC, *, interface: str | None = None, clock: Clock | None = None
+    ) -> Self:
+        """Return a link on a bus that is open already; closing the link shuts the bus down.
+
+        `interface` is python-can's name of the bus's interface, found from its module if
+        not given.
+        """
+        link = cls.__new__(cls)
+        link._start(bus, interface or _interface_of(bus), bus.channel_info, clock)  # noqa: SLF001
+        return link
+
+    def _start(self, bus: can.BusABC, interface: str, channel: str, clock: Clock | None) -> None:
+        self.interface = interface
+        self.channel = channel
+        self._clock = clock if clock is not None else MonotonicClock()
+        self._faults = FaultCounter(channel)
+        self._port = _port_on(bus, interface, self._faults)
+        self._queue: SimpleQueue[Frame | None] = SimpleQueue()
+        self._failure: LinkError | None = None
+        self._closing = threading.Event()
+        self._reader: threading.Thread | None = None
+        if interface not in THREADLESS_INTERFACES:
+            self._reader = threading.Thread(target=self._read, name=f"can {channel}", daemon=True)
+            self._reader.start()
+
+    @property
+    def faults(self) -> list[str]:
+        """Kinds of `LinkFault` seen so far, in the order of their first appearance."""
+        return list(self._faults.kinds)
+
+    @property
+    def fault_counts(self) -> dict[str, int]:
+        """How often each kind of fault was seen."""
+        return {str(fault): count for fault, count in self._faults.counts.items()}
+
+    @property
+    def dropped(self) -> int:
+        """Frames that the kernel threw away because its receive buffer was full."""
+        return self._faults.counts[LinkFault.RECEIVE_DROPPED]
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send one frame; waits up to `SEND_DEADLINE_S` for a full transmit queue.
+
+        Raises
+        ------
+        LinkError
+            If the channel does not take the frame, or its reader has failed.
+        """
+        self._check()
+        try:
+            self._port.send(can_id, data)
+            return
+        except OSError as error:
+            if error.errno not in _RETRIED:
+                raise LinkError(self._sentence("refuses a frame", error)) from error
+        self._faults.add(LinkFault.SEND_BLOCKED)
+        self._send_when_free(can_id, data)
+
+    def poll(self) -> Frame | None:
+        """Return the next received frame, or None at once if there is none."""
+        return self._next(0.0)
+
+    def wait(self, timeout_s: float) -> Frame | None:
+        """Return the next received frame, or None after `timeout_s` of wall time."""
+        return self._next(timeout_s)
+
+    def close(self) -> None:
+        """Leave the bus; may be called twice."""
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        if self._reader is not None:
+            self._reader.join()
+        self._port.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _send_when_free(self, can_id: int, data: bytes) -> None:
+        deadline_s = time.monotonic() + SEND_DEADLINE_S
+        while True:
+            time.sleep(0.0005)
+            try:
+                self._port.send(can_id, data)
+                return
+            except OSError as error:
+                if error.errno not in _RETRIED or time.monotonic() > deadline_s:
+                    waited = f"took no frame for {SEND_DEADLINE_S:g} s"
+                    raise LinkError(self._sentence(waited, error)) from error
+
+    def _next(self, timeout_s: float) -> Frame | None:
+        if self._reader is None:
+            self._check()
+            return self._receive(timeout_s)
+        if timeout_s <= 0.0 and self._queue.empty():
+            self._check()
+            return None
+        try:
+            frame = self._queue.get(timeout=max(timeout_s, 0.0))
+        except Empty:
+            frame = None
+        if frame is None:
+            self._check()
+        return frame
+
+    def _receive(self, timeout_s: float) -> Frame | None:
+        try:
+            received = self._port.receive(timeout_s)
+        except OSError as error:
+            raise LinkError(self._sentence("cannot be read", error)) from error
+        return None if received is None else Frame(self._clock.now_ns(), *received)
+
+    def _read(self) -> None:
+        while not self._closing.is_set():
+            try:
+                frame = self._receive(READER_PERIOD_S)
+            except LinkError as error:
+                self._failure = error
+                self._queue.put(None)  # wakes whoever waits
+                return
+            if frame is not None:
+                self._queue.put(frame)
+
+    def _check(self) -> None:
+        if self._closing.is_set():
+            sentence = f"channel {self.channel} is closed: open a new link"
+            raise LinkError(sentence)
+        if self._failure is not None:
+            raise self._failure
+
+    def _sentence(self, what: str, error: OSError) -> str:
+        reason = error.strerror or str(error)
+        return (
+            f"channel {self.channel} on interface {self.interface} {what}: {reason}; "
+            "check that it is up, wired, terminated and that another node acknowledges"
+        )
+
+
+def _interface_of(bus: can.BusABC) -> str:
+    from can.interfaces import BACKENDS
+
+    from protocols.bus_port import interface_of
+
+    return interface_of(bus, BACKENDS.items())
+
+
+def _port_on(bus: can.BusABC, interface: str, faults: FaultCounter) -> Port:
+    if interface == "socketcan":
+        from protocols.socketcan_port import SocketCanPort
+
+        return SocketCanPort(bus, faults)
+    from protocols.bus_port import BusPort, hears_itself
+
+    return BusPort(bus, faults, echoes=hears_itself(bus, interface))

@@ -1,0 +1,157 @@
+"""What the module's diagnostics speak: ISO 14229-1 identifiers and their payloads.
+
+Transport is ISO 15765-2 with 29-bit normal fixed addressing (18DA target source).
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+from typing import Final
+
+from protocols.errors import FrameError
+from protocols.frame import EXTENDED
+from protocols.j1939 import TESTER_ADDRESS
+
+DID_PART_NUMBER: Final = 0xF187
+DID_SERIAL: Final = 0xF18C
+DID_HARDWARE_VERSION: Final = 0xF191
+DID_FIRMWARE_VERSION: Final = 0xF195
+DID_COEFFICIENTS: Final = 0x0100
+"""Coefficients in use; read only."""
+DID_COEFFICIENTS_STAGED: Final = 0x0101
+"""The inactive bank; written, read back, then made active by the commit routine."""
+DID_SET_RESET: Final = 0x0102
+"""Strap pulse current in mA (u16) and set/reset operation (u8: 1 alternating)."""
+DID_SAMPLE_PERIOD: Final = 0x0103
+"""Ticks of 10 ms between measuring cycles (u8)."""
+DID_SCALES: Final = 0x0104
+"""mG per magnetometer count and g per accelerometer count (two float64)."""
+DID_TEMPERATURE: Final = 0x0105
+"""Temperature in 0.01 deg C (s16)."""
+
+ROUTINE_SET_RESET_PULSE: Final = 0x0201
+"""One set and one reset pulse of the given current in mA (u16)."""
+ROUTINE_COMMIT: Final = 0x0202
+"""Make the staged bank the active one, from the next reset on."""
+ROUTINE_SELF_TEST: Final = 0x0203
+ROUTINE_ROLLBACK: Final = 0x0204
+"""Drop the staged bank."""
+
+SECURITY_SEED: Final = 0x01
+SECURITY_KEY: Final = 0x02
+SECURITY_ATTEMPTS: Final = 3
+SECURITY_LOCK_OUT_S: Final = 10.0
+SESSION_DEFAULT: Final = 0x01
+SESSION_EXTENDED: Final = 0x03
+S3_SERVER_S: Final = 5.0
+P2_SERVER_S: Final = 0.05
+P2_STAR_SERVER_S: Final = 5.0
+
+DTC_COEFFICIENTS_LOST: Final = 0xC10055
+DTC_STRAP: Final = 0xC10101
+DTC_SATURATED: Final = 0xC10102
+
+_SECURITY_MASK: Final = 0x5EC0DE11
+
+
+def physical_request_id(module_address: int) -> int:
+    """Return the identifier of requests from the bench to a module.
+
+    >>> hex(physical_request_id(0x80))
+    '0x98da80f1'
+    """
+    return EXTENDED | 0x18DA0000 | module_address << 8 | TESTER_ADDRESS
+
+
+def physical_response_id(module_address: int) -> int:
+    """Return the identifier of a module's answers to the bench."""
+    return EXTENDED | 0x18DA0000 | TESTER_ADDRESS << 8 | module_address
+
+
+def security_key(seed: bytes) -> bytes:
+    """Return the key for a seed of four bytes: CRC-32 of the seed, masked."""
+    return (zlib.crc32(seed) ^ _SECURITY_MASK).to_bytes(4, "big")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coefficients:
+    """One bank of the module's coefficients, as float32 on the wire.
+
+    corrected field (mG) = mag_matrix @ (raw (mG) - mag_offset_mg)
+    corrected specific force (g) = accel_matrix @ (raw (g) - accel_offset_g)
+
+    The raw field is (set - reset)/2. Matrices are row-major.
+    """
+
+    version: int
+    mag_offset_mg: tuple[float, ...]
+    mag_matrix: tuple[float, ...]
+    accel_offset_g: tuple[float, ...]
+    accel_matrix: tuple[float, ...]
+
+
+_BANK = struct.Struct("<H2x24f")
+BANK_LENGTH: Final = _BANK.size + 4
+
+DEFAULT_COEFFICIENTS: Final = Coefficients(
+    version=0,
+    mag_offset_mg=(0.0, 0.0, 0.0),
+    mag_matrix=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+    accel_offset_g=(0.0, 0.0, 0.0),
+    accel_matrix=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+)
+
+
+def pack_coefficients(coefficients: Coefficients) -> bytes:
+    """Return version, 24 float32 and CRC-32 (little-endian)."""
+    body = _BANK.pack(
+        coefficients.version,
+        *coefficients.mag_offset_mg,
+        *coefficients.mag_matrix,
+        *coefficients.accel_offset_g,
+        *coefficients.accel_matrix,
+    )
+    return body + zlib.crc32(body).to_bytes(4, "little")
+
+
+def unpack_coefficients(data: bytes) -> Coefficients:
+    """Return one bank.
+
+    Raises
+    ------
+    FrameError
+        If the length or the CRC-32 is wrong.
+    """
+    if len(data) != BANK_LENGTH:
+        sentence = f"coefficient bank must be {BANK_LENGTH} bytes; instead received {len(data)}"
+        raise FrameError(sentence)
+    body, crc = data[:-4], int.from_bytes(data[-4:], "little")
+    if zlib.crc32(body) != crc:
+        sentence = "coefficient bank has a wrong CRC-32; read it again or restore it"
+        raise FrameError(sentence)
+    version, *values = _BANK.unpack(body)
+    return Coefficients(
+        version=version,
+        mag_offset_mg=tuple(values[0:3]),
+        mag_matrix=tuple(values[3:12]),
+        accel_offset_g=tuple(values[12:15]),
+        accel_matrix=tuple(values[15:24]),
+    )
+
+
+_SCALES = struct.Struct("<dd")
+
+
+def pack_scales(mag_mg_per_count: float, accel_g_per_count: float) -> bytes:
+    """Return the payload of DID_SCALES."""
+    return _SCALES.pack(mag_mg_per_count, accel_g_per_count)
+
+
+def unpack_scales(data: bytes) -> tuple[float, float]:
+    """Return (mG per magnetometer count, g per accelerometer count)."""
+    if len(data) != _SCALES.size:
+        sentence = f"scales must be {_SCALES.size} bytes; instead received {len(data)}"
+        raise FrameError(sentence)
+    return _SCALES.unpack(data)

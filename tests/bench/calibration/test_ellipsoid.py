@@ -1,0 +1,125 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from bench.calibration.ellipsoid import fit_ellipsoid, sampson_residual, taubin_ellipsoid
+from bench.calibration.fit import CalibrationData, Cause
+from bench.calibration.methods import rows_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+SHAPE = np.array([[1.1, 0.05, -0.02], [0.05, 0.9, 0.03], [-0.02, 0.03, 1.0]])
+OFFSET = np.array([120.0, -60.0, 30.0])
+
+
+def readings_mg(
+    count: int, noise_mg: float, seed: int = 1, cap: float = -1.0
+) -> NDArray[np.float64]:
+    """Readings of a 500 mG field in random directions whose x is above `cap`."""
+    rng = np.random.default_rng(seed)
+    directions = rng.normal(size=(400 * count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    directions = directions[directions[:, 0] > cap][:count]
+    return 500.0 * directions @ np.linalg.inv(SHAPE) + OFFSET + rng.normal(0, noise_mg, (count, 3))
+
+
+def test_given_no_noise_when_fitted_then_offset_and_symmetric_matrix_are_exact() -> None:
+    fit = fit_ellipsoid(CalibrationData(field_mg=readings_mg(50, 0.0)))
+    scale = np.linalg.det(SHAPE) ** (1 / 3)
+    assert fit.offset_mg == pytest.approx(OFFSET, abs=1e-4)
+    assert fit.matrix == pytest.approx(SHAPE / scale, abs=1e-6)
+    assert fit.field_mg == pytest.approx(500.0 / scale, abs=1e-3)
+
+
+def test_station_field_sets_the_sphere_s_radius() -> None:
+    station = np.array([300.0, 0.0, 400.0])
+    data = CalibrationData(field_mg=readings_mg(50, 0.0), station_field_mg=station)
+    assert np.linalg.norm(fit_ellipsoid(data).corrected_mg(data.field_mg), axis=1) == pytest.approx(
+        np.full(50, 500.0), abs=1e-3
+    )
+
+
+def test_errors_match_the_covariance_over_many_draws() -> None:
+    squares = []
+    for seed in range(60):
+        fit = fit_ellipsoid(CalibrationData(field_mg=readings_mg(60, 0.5, seed)))
+        squares.append((fit.offset_mg - OFFSET) ** 2 / np.diag(fit.covariance)[6:])
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.35)
+
+
+def test_taubin_start_is_nearly_unbiased_at_one_percent_of_noise() -> None:
+    unit = (readings_mg(4000, 5.0) - OFFSET) / 500.0
+    matrix, centre = taubin_ellipsoid(unit)
+    assert matrix == pytest.approx(SHAPE, abs=3e-3)
+    assert centre == pytest.approx(np.zeros(3), abs=2e-3)
+
+
+def test_sampson_residual_is_the_distance_near_a_unit_sphere() -> None:
+    parameters = np.array([1, 1, 1, 0, 0, 0, 0, 0, 0], dtype=float)
+    points = np.array([[1.001, 0, 0], [0, -0.998, 0]])
+    assert sampson_residual(parameters, points) == pytest.approx([0.001, -0.002], abs=1e-5)
+
+
+def test_level_readings_are_refused(
+    drawn: Callable[..., Any], eol_deg: NDArray[np.float64]
+) -> None:
+    fit = fit_ellipsoid(rows_of(drawn(1).data, np.abs(eol_deg[:, 1:]).max(axis=1) == 0))
+    assert fit.cause == Cause.TILT_TOO_SMALL
+    assert fit.matrix is None
+
+
+def test_level_and_one_tilt_are_refused(
+    drawn: Callable[..., Any], eol_deg: NDArray[np.float64]
+) -> None:
+    fit = fit_ellipsoid(rows_of(drawn(1).data, (eol_deg[:, 1] >= 0) & (eol_deg[:, 2] == 0)))
+    assert fit.cause in {Cause.DEGENERATE, Cause.NOT_OBSERVABLE}
+
+
+def test_clustered_readings_are_refused() -> None:
+    fit = fit_ellipsoid(CalibrationData(field_mg=readings_mg(60, 0.5, cap=0.985)))
+    assert fit.cause in {Cause.NOT_OBSERVABLE, Cause.DEGENERATE}
+    assert fit.message
+
+
+def test_readings_at_rest_are_refused() -> None:
+    rest = np.tile([100.0, 20.0, 400.0], (50, 1))
+    assert fit_ellipsoid(CalibrationData(field_mg=rest)).cause == Cause.NO_TURN
+    noisy = rest + np.random.default_rng(1).normal(0, 0.5, rest.shape)
+    assert fit_ellipsoid(CalibrationData(field_mg=noisy)).refused
+
+
+def test_too_few_readings_are_refused() -> None:
+    assert fit_ellipsoid(CalibrationData(field_mg=readings_mg(8, 0.1))).cause == Cause.TOO_FEW
+
+
+def test_a_moving_iron_is_refused_as_disturbed_field() -> None:
+    field = readings_mg(300, 0.5)
+    phase = np.linspace(0, 20, 300)
+    field = field + 300.0 * np.sin(phase)[:, None] * np.array([1.0, -1.0, 0.5])
+    fit = fit_ellipsoid(CalibrationData(field_mg=field))
+    assert fit.cause in {Cause.FIELD_DISTURBED, Cause.RESIDUAL_TOO_LARGE}
+
+
+@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("cap", [0.3, 0.7, 0.9, 0.97])
+def test_no_draw_gives_a_hyperboloid_or_a_value_that_is_not_finite(seed: int, cap: float) -> None:
+    fit = fit_ellipsoid(CalibrationData(field_mg=readings_mg(12, 5.0, seed, cap)))
+    if fit.refused:
+        assert fit.message
+        return
+    assert np.isfinite(fit.covariance).all()
+    assert (np.linalg.eigvalsh(fit.matrix) > 0).all()
+    assert fit.predicted_heading_rms_deg <= 3.0
+
+
+def test_dip_is_told_where_there_is_an_accelerometer(drawn: Callable[..., Any]) -> None:
+    data = drawn(1, soft=0.0).data
+    assert fit_ellipsoid(data).dip_deg == pytest.approx(60.0, abs=2.5)
+    assert fit_ellipsoid(replace(data, accel_g=None)).dip_deg is None

@@ -1,0 +1,162 @@
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from bench.calibration.fit import Cause
+from bench.calibration.methods import heading_errors_deg, rows_of
+from bench.calibration.truth_aided import fit_truth_aided
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+
+def test_given_no_noise_when_fitted_then_every_coefficient_is_exact(
+    drawn: Callable[..., Any],
+) -> None:
+    truth = drawn(1, field_sd_mg=0.0, accel_sd_g=0.0, rig_sd_deg=0.0)
+    fit = fit_truth_aided(truth.data)
+    assert not fit.refused
+    assert fit.matrix @ truth.gain == pytest.approx(np.eye(3), abs=1e-7)
+    assert fit.offset_mg == pytest.approx(truth.offset_mg, abs=1e-5)
+    assert fit.accel_matrix @ truth.accel_gain == pytest.approx(np.eye(3), abs=1e-7)
+    assert fit.accel_offset_g == pytest.approx(truth.accel_offset_g, abs=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("with_station", [True, False])
+def test_field_azimuth_dip_and_base_level_are_recovered_within_four_sigma(
+    drawn: Callable[..., Any], seed: int, with_station: bool
+) -> None:
+    truth = drawn(seed, azimuth_deg=0.5, dip_deg=60.3, north_deg=0.1, east_deg=-0.2)
+    data = truth.data if with_station else replace(truth.data, station_field_mg=None)
+    extra = fit_truth_aided(data).extra
+    expected = {
+        "field_azimuth_deg": 0.5,
+        "dip_deg": 60.3,
+        "base_level_north_deg": 0.1,
+        "base_level_east_deg": -0.2,
+    }
+    for name, value in expected.items():
+        assert abs(extra[name] - value) < 4.0 * extra[f"{name}_sd"] + 5e-4, name
+        assert extra[f"{name}_sd"] < 0.03
+
+
+def test_given_many_units_when_fitted_then_errors_match_the_covariance(
+    drawn: Callable[..., Any],
+) -> None:
+    squares, chi2 = [], []
+    for seed in range(60):
+        truth = drawn(seed)
+        fit = fit_truth_aided(truth.data)
+        found = np.concatenate([np.linalg.inv(fit.matrix).ravel(), fit.offset_mg])
+        true = np.concatenate([truth.gain.ravel(), truth.offset_mg])
+        squares.append((found - true) ** 2 / np.diag(fit.covariance)[:12])
+        chi2.append(fit.chi2_reduced)
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.25)
+    assert np.mean(chi2) == pytest.approx(1.0, abs=0.05)
+
+
+def test_predicted_heading_error_is_the_achieved_one(drawn: Callable[..., Any]) -> None:
+    rng = np.random.default_rng(5)
+    angles = np.column_stack([rng.uniform(0, 360, 120), *rng.uniform(-30, 30, (2, 120))])
+    achieved, predicted = [], []
+    for seed in range(40):
+        truth = drawn(seed)
+        fit = fit_truth_aided(truth.data)
+        clean = drawn(seed, angles, field_sd_mg=0.0, accel_sd_g=0.0, rig_sd_deg=0.0)
+        achieved.append(np.sqrt(np.mean(heading_errors_deg(clean.data, fit) ** 2)))
+        predicted.append(fit.predicted_heading_rms_deg)
+    ratio = np.sqrt(np.mean(np.square(achieved)) / np.mean(np.square(predicted)))
+    assert 0.8 < ratio < 1.2
+
+
+def test_a_slipped_azimuth_index_is_seen_as_field_azimuth(drawn: Callable[..., Any]) -> None:
+    fit = fit_truth_aided(drawn(3, azimuth_deg=-0.5).data)
+    assert fit.extra["field_azimuth_deg"] == pytest.approx(-0.5, abs=0.08)
+    assert abs(fit.extra["field_azimuth_deg"]) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("choose", "cause", "rank"),
+    [
+        (lambda p, r: (p == 0) & (r == 0), Cause.TILT_TOO_SMALL, 12),
+        (lambda p, r: (p >= 0) & (r == 0), Cause.NOT_OBSERVABLE, 18),
+        (lambda p, r: r == 0, Cause.NOT_OBSERVABLE, 21),
+        (lambda p, r: p == 0, Cause.NOT_OBSERVABLE, 21),
+    ],
+    ids=["level only", "single tilt", "pitch only", "roll only"],
+)
+def test_poses_that_cannot_observe_are_refused_with_their_rank(
+    drawn: Callable[..., Any],
+    eol_deg: NDArray[np.float64],
+    choose: Callable[..., NDArray[np.bool_]],
+    cause: Cause,
+    rank: int,
+) -> None:
+    data = rows_of(drawn(1).data, choose(eol_deg[:, 1], eol_deg[:, 2]))
+    fit = fit_truth_aided(data)
+    assert (fit.cause, fit.rank) == (cause, rank)
+    assert fit.offset_mg is None
+    assert f"{rank} of 24" in fit.message
+
+
+def test_wobble_of_level_poses_does_not_pass_for_tilt(drawn: Callable[..., Any]) -> None:
+    rng = np.random.default_rng(1)
+    angles = np.column_stack([np.arange(0, 360, 15.0), *rng.normal(0, 0.05, (2, 24))])
+    assert fit_truth_aided(drawn(1, angles).data).cause == Cause.TILT_TOO_SMALL
+
+
+def test_without_accelerometer_only_the_magnetometer_is_fitted(drawn: Callable[..., Any]) -> None:
+    fit = fit_truth_aided(replace(drawn(2).data, accel_g=None))
+    assert fit.rank == 12
+    assert fit.accel_matrix is None
+    assert len(fit.parameters) == 14 == len(fit.covariance)
+
+
+@pytest.mark.parametrize("missing", ["azimuth_deg", "pitch_deg", "roll_deg"])
+def test_without_rig_angles_there_is_no_truth(drawn: Callable[..., Any], missing: str) -> None:
+    assert fit_truth_aided(replace(drawn(2).data, **{missing: None})).cause == Cause.NO_TRUTH
+
+
+def test_few_poses_are_refused(drawn: Callable[..., Any]) -> None:
+    data = rows_of(drawn(1).data, np.arange(72) < 5)
+    assert fit_truth_aided(data).cause == Cause.TOO_FEW
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_stuck_axis_is_refused_as_degenerate(drawn: Callable[..., Any], axis: int) -> None:
+    data = drawn(1).data
+    data.field_mg[:, axis] = 12.0
+    fit = fit_truth_aided(data)
+    assert fit.cause == Cause.DEGENERATE
+    assert "magnetometer" in fit.message
+
+
+def test_a_field_that_moved_during_the_poses_is_refused(drawn: Callable[..., Any]) -> None:
+    data = drawn(1).data
+    data.field_mg[30:50] += np.array([200.0, -150.0, 100.0])
+    assert fit_truth_aided(data).cause == Cause.RESIDUAL_TOO_LARGE
+
+
+def test_seventy_two_poses_take_less_than_50_ms(drawn: Callable[..., Any]) -> None:
+    data = drawn(1).data
+    fit_truth_aided(data)
+    durations = []
+    for _ in range(5):
+        start = time.process_time()
+        fit_truth_aided(data)
+        durations.append(time.process_time() - start)
+    assert min(durations) < 0.05
+
+
+def test_field_magnitude_is_told_in_the_module_s_own_scale(drawn: Callable[..., Any]) -> None:
+    truth = drawn(1, soft=0.0)
+    data = replace(truth.data, field_mg=truth.data.field_mg * 1.05)
+    assert fit_truth_aided(data).extra["field_magnitude_mg"] == pytest.approx(525.0, abs=0.5)

@@ -1,0 +1,415 @@
+"""Identities that the virtual world must keep, each by one test.
+
+| identity | test |
+|---|---|
+| ned_from_body = Rz(azimuth) Ry(pitch) Rx(roll), by hand and by scipy | rotation |
+| a rotation keeps lengths and the angle of field and gravity | invariance |
+| level at rest the specific force is (0, 0, -1) g; nose up f_x > 0; right down f_y < 0 | force |
+| heading = atan2(-Y, X) of a level body | heading |
+| tan(dip) = down/horizontal; declination is east positive | field |
+| a dipole's field falls with the cube of the distance, twice as strong on its axis | dipole |
+| (set - reset)/2 = H/(1 - (Ha/Hk)^2), (set + reset)/2 = b - H Ha/Hk/(1 - (Ha/Hk)^2) | bridge |
+| the play operator: a turn about forgets at most its width, a cycle closes | hysteresis |
+| a strong field lowers the sensitivity; only a sufficient pulse restores it | order |
+| part f of the film flipped a pulse: sensitivity f/(2 - f) | flipping |
+"""
+
+from __future__ import annotations
+
+import math
+from datetime import date
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from devices import rotation
+from devices.bridge import RANGE_MG, Bridge3, BridgeParameters, Strap
+from devices.field import EarthField
+from devices.magnetics import Magnetics
+from devices.rig import RigGeometry, RigMechanics, perfect_rig
+from devices.world import Forklift, MainsHum, SlowDrift, World
+
+STEP_NS = 10_000_000
+
+
+def plain_bridges(draw: float = 0.0, bits: int = 14, **changes: float) -> Bridge3:
+    one = BridgeParameters(**changes)
+    return Bridge3((one, one, one), Strap(), lambda: draw, bits)
+
+
+def move(world: World, *angles_deg: float) -> None:
+    for axis, angle_deg in zip(world.rig.axes, angles_deg, strict=True):
+        axis.command(angle_deg)
+    for _ in range(3000):
+        world.step(round(world.t_s * 1e9) + STEP_NS)
+        if not any(axis.moving for axis in world.rig.axes):
+            return
+    pytest.fail("the rig did not come to rest")
+
+
+class TestRotation:
+    @pytest.mark.parametrize(
+        "angles_deg",
+        [(0, 0, 0), (37, 0, 0), (0, 30, 0), (0, 0, -30), (211, -25, 17), (359, 89, -91)],
+    )
+    def test_matches_scipy(self, angles_deg: tuple[float, float, float]) -> None:
+        expected = Rotation.from_euler("ZYX", angles_deg, degrees=True).as_matrix()
+
+        actual = np.reshape(rotation.ned_from_body(*angles_deg), (3, 3))
+
+        np.testing.assert_allclose(actual, expected, atol=1e-14)
+
+    def test_by_hand(self) -> None:
+        body_x = rotation.apply(rotation.ned_from_body(90.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+        body_y = rotation.apply(rotation.ned_from_body(0.0, 0.0, 90.0), (0.0, 1.0, 0.0))
+        nose = rotation.apply(rotation.ned_from_body(0.0, 30.0, 0.0), (1.0, 0.0, 0.0))
+
+        assert body_x == pytest.approx((0.0, 1.0, 0.0))  # heading east
+        assert body_y == pytest.approx((0.0, 0.0, 1.0))  # right side down
+        assert nose == pytest.approx((math.cos(math.radians(30.0)), 0.0, -0.5))  # nose up
+
+    def test_about_axis_matches_rotation_vector(self) -> None:
+        axis = (0.36, 0.48, 0.8)
+
+        actual = np.reshape(rotation.about_axis(axis, 50.0), (3, 3))
+
+        expected = Rotation.from_rotvec(np.radians(50.0) * np.array(axis)).as_matrix()
+        np.testing.assert_allclose(actual, expected, atol=1e-14)
+
+    def test_inverse_is_transpose(self) -> None:
+        matrix = rotation.ned_from_body(12.0, 34.0, 56.0)
+
+        unity = rotation.product(matrix, rotation.transpose(matrix))
+
+        assert unity == pytest.approx(rotation.IDENTITY)
+        assert rotation.apply_inverse(
+            matrix, rotation.apply(matrix, (1.0, 2.0, 3.0))
+        ) == pytest.approx((1.0, 2.0, 3.0))
+
+
+class TestWorld:
+    @pytest.mark.parametrize("angles_deg", [(0, 0, 0), (123, 20, -30), (300, -30, 10)])
+    def test_turning_keeps_strength_and_dip(self, angles_deg: tuple[float, float, float]) -> None:
+        world = World(EarthField(), perfect_rig())
+        move(world, *angles_deg)
+
+        field = np.array(world.field_body_mg())
+        force = np.array(world.force_body_g())
+
+        assert np.linalg.norm(field) == pytest.approx(500.0)
+        assert np.linalg.norm(force) == pytest.approx(1.0)
+        sine_of_dip = field @ -force / 500.0
+        assert math.degrees(math.asin(sine_of_dip)) == pytest.approx(60.0)
+
+    def test_imperfect_rig_keeps_lengths(self) -> None:
+        geometry = RigGeometry(
+            base_level_north_deg=0.3,
+            base_level_east_deg=-0.2,
+            azimuth_pitch_squareness_deg=0.1,
+            pitch_roll_squareness_deg=0.15,
+            wobble_deg=0.05,
+        )
+        world = World(EarthField(), RigMechanics(perfect_rig().axes, geometry))
+        move(world, 77.0, 12.0, -21.0)
+
+        assert np.linalg.norm(world.field_body_mg()) == pytest.approx(500.0)
+        assert np.linalg.norm(world.force_body_g()) == pytest.approx(1.0)
+
+    def test_level_base_tilt_shows_in_the_force(self) -> None:
+        geometry = RigGeometry(base_level_east_deg=1.0)
+        world = World(EarthField(), RigMechanics(perfect_rig().axes, geometry))
+
+        assert world.force_body_g()[0] == pytest.approx(math.sin(math.radians(1.0)))
+
+    def test_specific_force_signs(self) -> None:
+        world = World(EarthField(), perfect_rig())
+        assert world.force_body_g() == pytest.approx((0.0, 0.0, -1.0))
+
+        move(world, 0.0, 30.0, 0.0)
+        assert world.force_body_g()[0] == pytest.approx(0.5)
+
+        move(world, 0.0, 0.0, 30.0)
+        assert world.force_body_g()[1] == pytest.approx(-0.5)
+
+    @pytest.mark.parametrize("heading_deg", [0.0, 45.0, 90.0, 200.0, 315.0])
+    def test_level_heading(self, heading_deg: float) -> None:
+        world = World(EarthField(), perfect_rig())
+        move(world, heading_deg, 0.0, 0.0)
+
+        x, y, _ = world.field_body_mg()
+
+        assert math.degrees(math.atan2(-y, x)) % 360.0 == pytest.approx(heading_deg, abs=1e-9)
+
+    def test_same_object_at_rest(self) -> None:
+        world = World(EarthField(), perfect_rig())
+        before = world.field_body_mg()
+        world.step(STEP_NS)
+
+        assert world.field_body_mg() is before
+
+    def test_time_must_not_go_back(self) -> None:
+        world = World(EarthField(), perfect_rig())
+        world.step(STEP_NS)
+
+        with pytest.raises(ValueError, match="must not go back"):
+            world.step(0)
+
+    def test_stage_field_turns_with_the_seat_and_anomaly_does_not(self) -> None:
+        plain = World(EarthField(), perfect_rig())
+        anomaly = World(EarthField(), perfect_rig(), anomaly_ned_mg=(0.0, 5.0, 0.0))
+        stage = World(EarthField(), perfect_rig(), stage_body_mg=(0.0, 5.0, 0.0))
+        for world in (plain, anomaly, stage):
+            move(world, 90.0, 0.0, 0.0)
+
+        from_anomaly = np.subtract(anomaly.field_body_mg(), plain.field_body_mg())
+        from_stage = np.subtract(stage.field_body_mg(), plain.field_body_mg())
+
+        assert from_anomaly == pytest.approx([5.0, 0.0, 0.0], abs=1e-9)
+        assert from_stage == pytest.approx([0.0, 5.0, 0.0], abs=1e-9)
+
+
+class TestField:
+    def test_components(self) -> None:
+        field = EarthField(horizontal_mg=250.0, dip_deg=60.0, declination_deg=10.0)
+        north, east, down = field.ned_mg
+
+        assert math.hypot(north, east) == pytest.approx(250.0)
+        assert math.degrees(math.atan2(east, north)) == pytest.approx(10.0)
+        assert down == pytest.approx(250.0 * math.sqrt(3.0))
+        assert field.total_mg == pytest.approx(math.sqrt(north**2 + east**2 + down**2))
+
+    @pytest.mark.parametrize(
+        "wrong", [{"horizontal_mg": 0.0}, {"dip_deg": 90.0}, {"declination_deg": math.nan}]
+    )
+    def test_refuses_what_no_place_has(self, wrong: dict[str, float]) -> None:
+        with pytest.raises(ValueError, match="instead received"):
+            EarthField(**wrong)
+
+    def test_world_magnetic_model_near_munich(self) -> None:
+        field = EarthField.from_wmm(48.1, 11.6, 0.5, date(2026, 7, 1))
+
+        assert 200.0 < field.horizontal_mg < 220.0
+        assert 63.0 < field.dip_deg < 66.0
+        assert 3.5 < field.declination_deg < 5.5
+
+
+class TestDisturbances:
+    def test_dipole_falls_with_the_cube(self) -> None:
+        near = Forklift(
+            moment_ned_am2=(0, 0, 300.0), start_ned_m=(0, 2.0, 0), velocity_ned_mps=(0, 0, 0)
+        )
+        far = Forklift(
+            moment_ned_am2=(0, 0, 300.0), start_ned_m=(0, 4.0, 0), velocity_ned_mps=(0, 0, 0)
+        )
+
+        assert near.field_ned_mg(0.0)[2] == pytest.approx(8.0 * far.field_ned_mg(0.0)[2])
+
+    def test_dipole_on_its_axis_is_twice_that_beside_it(self) -> None:
+        above = Forklift(
+            moment_ned_am2=(0, 0, 300.0), start_ned_m=(0, 0, 3.0), velocity_ned_mps=(0, 0, 0)
+        )
+        beside = Forklift(
+            moment_ned_am2=(0, 0, 300.0), start_ned_m=(3.0, 0, 0), velocity_ned_mps=(0, 0, 0)
+        )
+
+        # mu0/4pi 2m/r3 = 2e-7 x 300/27 T = 22.2 mG along the moment; beside it, against it
+        assert above.field_ned_mg(0.0)[2] == pytest.approx(2 * 300.0 / 27.0)
+        assert beside.field_ned_mg(0.0)[2] == pytest.approx(-300.0 / 27.0)
+
+    def test_forklift_comes_and_goes(self) -> None:
+        forklift = Forklift()
+        sizes_mg = [np.linalg.norm(forklift.field_ned_mg(t_s)) for t_s in (0.0, 40.0 / 3.0, 60.0)]
+
+        assert sizes_mg[1] > 10.0 * max(sizes_mg[0], sizes_mg[2])
+
+    def test_hum_has_its_amplitude_and_no_mean(self) -> None:
+        hum = MainsHum(amplitude_ned_mg=(2.0, 0.0, 0.0), frequency_hz=50.0)
+        values = np.array([hum.field_ned_mg(t / 1000.0)[0] for t in range(1000)])
+
+        assert values.mean() == pytest.approx(0.0, abs=1e-9)
+        assert values.max() == pytest.approx(2.0, rel=1e-6)
+
+    def test_drift_is_slow_and_small(self) -> None:
+        world = World(EarthField(), perfect_rig(), drift=SlowDrift())
+        start = np.array(world.field_ned_mg)
+        changes_mg = []
+        for second in range(1, 400):
+            world.step(second * 1_000_000_000)
+            changes_mg.append(np.linalg.norm(np.array(world.field_ned_mg) - start))
+
+        assert 0.02 < max(changes_mg) < 0.2
+        assert np.abs(np.diff(changes_mg)).max() < 0.01
+
+    def test_moving_sources_reach_the_module_at_every_step(self) -> None:
+        world = World(EarthField(), perfect_rig(), forklift=Forklift(start_ned_m=(-2.0, 2.0, 0.0)))
+        before = world.field_body_mg()
+        world.step(STEP_NS)
+
+        assert world.field_body_mg() != before
+
+
+class TestIron:
+    def test_soft_then_hard(self) -> None:
+        iron = Magnetics(
+            soft_iron=(1.1, 0.2, 0.0, 0.0, 0.9, 0.0, 0.0, 0.1, 1.0),
+            hard_iron_mg=(100.0, 0.0, -20.0),
+        )
+
+        assert iron.sensor_field_mg((10.0, 20.0, 30.0)) == pytest.approx((115.0, 18.0, 12.0))
+
+
+class TestBridge:
+    def test_set_and_reset_share_field_and_offset(self) -> None:
+        bridges = plain_bridges(offset_mg=30.0, hk_mg=8000.0)
+        field_mg = (200.0, -150.0, 433.0)
+
+        levels = bridges.levels_mg(field_mg, 25.0)
+
+        for axis, across_mg in enumerate((-150.0, 200.0, 200.0)):
+            h_mg, ratio = field_mg[axis], across_mg / 8000.0
+            half_difference = (levels[axis] - levels[axis + 3]) / 2.0
+            half_sum = (levels[axis] + levels[axis + 3]) / 2.0
+            assert half_difference == pytest.approx(h_mg / (1.0 - ratio**2))
+            assert half_sum == pytest.approx(30.0 - h_mg * ratio / (1.0 - ratio**2))
+
+    def test_set_reading_alone_is_wrong_by_a_degree_and_the_difference_is_not(self) -> None:
+        errors_deg = []
+        for heading_deg in range(0, 360, 15):
+            x_mg = 200.0 * math.cos(math.radians(heading_deg))
+            y_mg = -200.0 * math.sin(math.radians(heading_deg))
+            xs, ys, _, xr, yr, _ = plain_bridges().levels_mg((x_mg, y_mg, 0.0), 25.0)
+            for x, y in ((xs, ys), (xs - xr, ys - yr)):
+                error_deg = math.degrees(math.atan2(-y, x)) - heading_deg
+                errors_deg.append(abs((error_deg + 180.0) % 360.0 - 180.0))
+
+        assert 0.5 < max(errors_deg[0::2]) < 1.5
+        assert max(errors_deg[1::2]) < 0.02
+
+    def test_cubic_and_gain(self) -> None:
+        bridges = plain_bridges(cubic_per_mg2=0.2 / 400.0**3, sensitivity=1.02)
+
+        assert bridges.levels_mg((400.0, 0.0, 0.0), 25.0)[0] == pytest.approx(1.02 * 400.2)
+
+    def test_temperature(self) -> None:
+        bridges = plain_bridges(
+            sensitivity_tempco_per_c=-0.003, offset_mg=10.0, offset_tempco_mg_per_c=0.5
+        )
+        levels = bridges.levels_mg((100.0, 0.0, 0.0), 35.0)
+
+        assert (levels[0] - levels[3]) / 2.0 == pytest.approx(97.0)
+        assert (levels[0] + levels[3]) / 2.0 == pytest.approx(15.0)
+
+    @pytest.mark.parametrize(("bits", "step_mg"), [(12, 0.390625), (14, 0.09765625)])
+    def test_converter_steps_and_ends(self, bits: int, step_mg: float) -> None:
+        bridges = plain_bridges(bits=bits)
+        top = 2 ** (bits - 1) - 1
+
+        assert bridges.mg_per_count == step_mg
+        assert bridges.read((100.0, 0.0, 0.0), +1)[0] == round(100.0 / step_mg)
+        assert bridges.read((100.0, 0.0, 0.0), -1)[0] == -round(100.0 / step_mg)
+        assert bridges.counts(RANGE_MG + 50.0) == top
+        assert bridges.counts(-RANGE_MG - 50.0) == -top - 1
+
+    def test_refuses_a_converter_that_no_module_has(self) -> None:
+        with pytest.raises(ValueError, match="bits must be within 8 and 16"):
+            plain_bridges(bits=24)
+
+
+class TestHysteresis:
+    def test_play_lags_by_its_half_width_and_closes(self) -> None:
+        bridges = plain_bridges(hysteresis_mg=0.16)
+
+        def read(x_mg: float) -> float:
+            return bridges.levels_mg((x_mg, 0.0, 0.0), 25.0)[0]
+
+        read(0.0)
+        rising = [read(float(h)) - h for h in range(10, 210, 10)]
+        falling = [read(float(h)) - h for h in range(190, -10, -10)]
+        again = [read(float(h)) - h for h in range(10, 210, 10)]
+
+        assert rising == pytest.approx([-0.16] * 20)
+        assert falling == pytest.approx([0.16] * 20)
+        assert again == pytest.approx(rising)
+
+    def test_inside_the_play_nothing_moves(self) -> None:
+        bridges = plain_bridges(hysteresis_mg=0.16)
+        first = bridges.levels_mg((100.0, 0.0, 0.0), 25.0)[0]
+
+        assert bridges.levels_mg((100.1, 0.0, 0.0), 25.0)[0] == pytest.approx(first)
+
+
+class TestRepeatability:
+    def test_is_kept_at_rest_and_redrawn_along_the_way(self) -> None:
+        rng = np.random.default_rng(5)
+        one = BridgeParameters(repeatability_mg=0.32)
+        bridges = Bridge3((one, one, one), Strap(), lambda: float(rng.standard_normal()))
+        errors = []
+        for _ in range(2000):
+            for x_mg in (0.0, 30.0, 60.0, 100.0):
+                levels = bridges.levels_mg((x_mg, 0.0, 0.0), 25.0)
+            assert bridges.levels_mg((100.0, 0.0, 0.0), 25.0) == levels
+            errors.append((levels[0] - levels[3]) / 2.0 - 100.0)
+        series = np.array(errors)
+
+        assert series.std() == pytest.approx(0.32, rel=0.08)
+        assert abs(np.corrcoef(series[:-1], series[1:])[0, 1]) < 0.08
+
+
+class TestOrder:
+    def test_strong_field_degrades_and_a_sufficient_pulse_restores(self) -> None:
+        strap = Strap(minimum_ma=500.0)
+        bridges = plain_bridges()
+        bridges.drive(400.0)  # flips an ordered film, does not order a broken one
+
+        def amplitude() -> float:
+            levels = bridges.levels_mg((100.0, 0.0, 0.0), 25.0)
+            return (levels[0] - levels[3]) / 2.0
+
+        assert amplitude() == pytest.approx(100.0, rel=2e-3)
+        bridges.levels_mg((15_000.0, 0.0, 0.0), 25.0)
+        assert 30.0 < amplitude() < 60.0
+        bridges.pulse(300.0)
+        bridges.pulse(420.0)
+        assert 30.0 < amplitude() < 60.0
+        bridges.pulse(2.0 * strap.minimum_ma)
+        assert amplitude() == pytest.approx(100.0, rel=2e-3)
+
+    def test_earth_field_breaks_nothing(self) -> None:
+        bridges = plain_bridges()
+        bridges.levels_mg((3000.0, 0.0, 0.0), 25.0)
+
+        assert [bridge.order for bridge in bridges.bridges] == [1.0, 1.0, 1.0]
+
+    def test_undershoot_un_sets(self) -> None:
+        clean, ringing = Strap(undershoot=0.1), Strap(undershoot=0.35)
+
+        assert clean.ceiling(1000.0) > 0.999
+        assert ringing.ceiling(1000.0) < 0.2
+        assert ringing.restored(1000.0) < 0.2
+
+    @pytest.mark.parametrize("dead", [0.0, 0.2, 0.5, 0.9])
+    def test_partly_flipped_film(self, dead: float) -> None:
+        bridges = plain_bridges(hk_mg=1e12)
+        bridges.bridges[0].dead = dead
+        flipped = Strap().flipped(1000.0) * (1.0 - dead)
+        levels = bridges.levels_mg((100.0, 0.0, 0.0), 25.0)
+
+        assert (levels[0] - levels[3]) / 2.0 == pytest.approx(100.0 * flipped / (2.0 - flipped))
+
+    def test_partly_flipped_film_by_simulation(self) -> None:
+        polarity, flipped = 1.0, 0.4
+        for _ in range(60):
+            polarity = polarity * (1.0 - flipped) + flipped
+            after_set = polarity
+            polarity = polarity * (1.0 - flipped) - flipped
+
+        assert after_set == pytest.approx(flipped / (2.0 - flipped))
+        assert polarity == pytest.approx(-after_set)
+
+    def test_dead_strap_keeps_the_set_state(self) -> None:
+        bridges = plain_bridges(offset_mg=5.0)
+        bridges.bridges[2].dead = 1.0
+        levels = bridges.levels_mg((0.0, 0.0, 433.0), 25.0)
+
+        assert levels[2] == levels[5] == pytest.approx(438.0)

@@ -1,0 +1,108 @@
+"""UDS identifiers and payloads, against can-isotp's addressing and zlib's CRC."""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+
+import isotp
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocols import uds
+from protocols.errors import FrameError
+from protocols.frame import EXTENDED
+
+float32 = st.floats(width=32, allow_nan=False, allow_infinity=False)
+
+
+def bank(values: list[float], version: int = 1) -> uds.Coefficients:
+    return uds.Coefficients(
+        version=version,
+        mag_offset_mg=tuple(values[0:3]),
+        mag_matrix=tuple(values[3:12]),
+        accel_offset_g=tuple(values[12:15]),
+        accel_matrix=tuple(values[15:24]),
+    )
+
+
+@pytest.mark.parametrize("address", [0x00, 0x80, 0x8F, 0xFD])
+def test_identifiers_are_those_of_normal_fixed_addressing(address: int) -> None:
+    tester = isotp.Address(
+        isotp.AddressingMode.NormalFixed_29bits, source_address=0xF1, target_address=address
+    )
+
+    assert uds.physical_request_id(address) == EXTENDED | tester.get_tx_arbitration_id()
+    assert uds.physical_response_id(address) == EXTENDED | tester.get_rx_arbitration_id()
+
+
+@given(st.lists(float32, min_size=24, max_size=24), st.integers(0, 0xFFFF))
+def test_a_bank_of_single_precision_numbers_comes_back_exactly(
+    values: list[float], version: int
+) -> None:
+    coefficients = bank(values, version)
+
+    assert uds.unpack_coefficients(uds.pack_coefficients(coefficients)) == coefficients
+
+
+def test_a_bank_of_double_precision_numbers_is_rounded_to_single() -> None:
+    sent = bank([math.pi * place for place in range(24)])
+
+    received = uds.unpack_coefficients(uds.pack_coefficients(sent))
+
+    rounded = struct.unpack("<f", struct.pack("<f", math.pi))[0]
+    assert received.mag_offset_mg[1] == rounded != math.pi
+
+
+def test_the_layout_of_a_bank_is_version_floats_and_crc() -> None:
+    data = uds.pack_coefficients(bank([float(place) for place in range(24)], version=0x0102))
+
+    assert len(data) == uds.BANK_LENGTH == 104
+    assert data[:4] == bytes.fromhex("02010000")
+    assert struct.unpack("<24f", data[4:100]) == tuple(range(24))
+    assert int.from_bytes(data[100:], "little") == zlib.crc32(data[:100])
+
+
+@given(st.integers(0, 8 * uds.BANK_LENGTH - 1))
+def test_every_single_bit_error_in_a_bank_is_refused(bit: int) -> None:
+    data = bytearray(uds.pack_coefficients(uds.DEFAULT_COEFFICIENTS))
+    data[bit // 8] ^= 1 << bit % 8
+
+    with pytest.raises(FrameError, match="wrong CRC-32"):
+        uds.unpack_coefficients(bytes(data))
+
+
+@pytest.mark.parametrize("length", [0, uds.BANK_LENGTH - 1, uds.BANK_LENGTH + 1])
+def test_a_bank_of_another_length_is_refused_with_both_lengths(length: int) -> None:
+    with pytest.raises(FrameError, match=f"must be 104 bytes; instead received {length}"):
+        uds.unpack_coefficients(bytes(length))
+
+
+def test_default_coefficients_change_nothing() -> None:
+    identity = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+    assert uds.DEFAULT_COEFFICIENTS.mag_matrix == uds.DEFAULT_COEFFICIENTS.accel_matrix == identity
+    assert uds.DEFAULT_COEFFICIENTS.mag_offset_mg == (0.0, 0.0, 0.0)
+    assert uds.DEFAULT_COEFFICIENTS.version == 0
+
+
+def test_scales_round_trip_exactly() -> None:
+    scales = (1600.0 / 16384.0, 1.0 / 16384.0)
+
+    assert uds.unpack_scales(uds.pack_scales(*scales)) == scales
+
+
+def test_scales_of_another_length_are_refused() -> None:
+    with pytest.raises(FrameError, match="scales must be 16 bytes; instead received 8"):
+        uds.unpack_scales(bytes(8))
+
+
+def test_key_has_four_bytes_and_follows_the_seed() -> None:
+    keys = {uds.security_key(number.to_bytes(4, "big")) for number in range(256)}
+
+    assert len(keys) == 256
+    assert {len(key) for key in keys} == {4}
+    # CRC-32 of four zero bytes is 2144DF1Ch
+    assert uds.security_key(bytes(4)) == (0x2144DF1C ^ 0x5EC0DE11).to_bytes(4, "big")
