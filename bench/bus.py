@@ -174,6 +174,13 @@ class BenchBus:
             raise BusFault(str(error)) from error
         self._block.append((self._now_ns, can_id | SENT, data))
 
+    def receive(self, frame: Frame) -> None:
+        """Take one frame as if a link had delivered it: record it and tell its subscribers."""
+        self._block.append(frame)
+        handler = self._handlers.get(frame[1])
+        if handler is not None:
+            handler(frame)
+
     def tick(self) -> None:
         """Let 10 ms pass: exchange the frames of one tick, then run the hooks.
 
@@ -317,20 +324,14 @@ class BenchBus:
                 return
             frame = self._module_link.wait(rest_s if len(self._links) == 1 else min(rest_s, 0.001))
             if frame is not None:
-                self._receive(frame)
+                self.receive(frame)
 
     def _drain(self, link: Link) -> None:
         for _ in range(BLOCK_FRAMES):  # a babbling node must not stop the bench's time
             frame = link.poll()
             if frame is None:
                 return
-            self._receive(frame)
-
-    def _receive(self, frame: Frame) -> None:
-        self._block.append(frame)
-        handler = self._handlers.get(frame[1])
-        if handler is not None:
-            handler(frame)
+            self.receive(frame)
 
     def _check_links(self) -> None:
         for link in self._links:

@@ -248,7 +248,7 @@ class Diagnostics:
             and self._channel.idle
         ):
             self._last_tick = self._bus.tick_count
-            self._channel.send(_TESTER_PRESENT)
+            self._channel.send(_TESTER_PRESENT, answered=False)
 
     @contextmanager
     def _service(self, what: str) -> Iterator[None]:

@@ -141,6 +141,15 @@ class Drive:
             return False
         return not acknowledge and bool(self.statusword & cia402.SW_TARGET_REACHED)
 
+    def release(self) -> None:
+        """End a set-point hand-shake that was interrupted, so that the next one is seen."""
+        if self.state is DriveState.OPERATION_ENABLED:
+            self.command(cia402.CW_ENABLE)
+
+    def released(self) -> bool:
+        """Return whether the drive waits for a new set-point."""
+        return not self.statusword & cia402.SW_SET_POINT_ACKNOWLEDGE
+
     def start_homing(self) -> bool:
         """Start homing once the bits of the former mode are gone; True when started."""
         if self.statusword & cia402.SW_HOMING_ATTAINED:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
 
 from bench.acceptance.outcome import Outcome
 from bench.acceptance.verdict import verdict_of
-from bench.errors import Aborted, BenchError
+from bench.errors import Aborted, BenchError, BusFault, ModuleRefused, ModuleSilent, RigFault
 from bench.plan import plan_of
 from bench.safe_state import SafeState
 from bench.signals import SignalWatch
@@ -28,7 +29,14 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(f"compassbench.{__name__}")
 
-SIGINT_NUMBER = 2
+SIGINT_NUMBER: Final = 2
+FAULT_NAMES: Final[dict[type[Exception], str]] = {
+    ModuleSilent: "module_silent",
+    ModuleRefused: "module_refused",
+    RigFault: "rig_fault",
+    BusFault: "bus_fault",
+}
+"""What stands as the first failure of a run that no measurement has failed."""
 
 
 class _Stopped(Exception):  # noqa: N818  (ends the procedure, is no error)
@@ -70,6 +78,8 @@ def execute(procedure: Procedure, context: RunContext) -> Verdict:
             error = "; ".join(failures)
         required = set(procedure.measured()) - context.not_available
         verdict = verdict_of(context.measurements, error=error, aborted=aborted, required=required)
+        if verdict.first_failure is None:
+            verdict = replace(verdict, first_failure=context.fault_name)
         context.recorder.close(verdict)
     return context.recorder.verdict or verdict
 
@@ -100,6 +110,7 @@ class _Run:
             context.event("aborted", signal=SIGINT_NUMBER)
             return None, str(Aborted(SIGINT_NUMBER))
         except (BenchError, ProtocolError) as fault:
+            context.fault_name = FAULT_NAMES.get(type(fault))
             context.event("error", error=type(fault).__name__, message=str(fault))
             return str(fault), None
         except Exception as fault:  # a fault of the bench's own must park the rig as well

@@ -6,6 +6,7 @@ are replaced in this instance by timers on the bus's time.
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from typing import TYPE_CHECKING, Any, Final
 
@@ -32,6 +33,11 @@ CONSECUTIVE_FRAME_TIMEOUT_S: Final = 1.0
 TRANSFER_TIMEOUT_S: Final = 30.0
 """No message takes longer, waits of the receiver included."""
 
+INTERRUPTED_S: Final = 0.2
+"""How long the answer to an interrupted request is waited for before the next one."""
+
+logger = logging.getLogger(f"compassbench.{__name__}")
+
 _PARAMETERS: Final[dict[str, Any]] = {
     "tx_padding": PADDING,
     "tx_data_min_length": 8,
@@ -39,6 +45,7 @@ _PARAMETERS: Final[dict[str, Any]] = {
     "blocksize": 0,
     "rx_flowcontrol_timeout": round(FLOW_CONTROL_TIMEOUT_S * 1000.0),
     "rx_consecutive_frame_timeout": round(CONSECUTIVE_FRAME_TIMEOUT_S * 1000.0),
+    "logger_name": f"{logger.name}.transport",
 }
 
 
@@ -105,6 +112,7 @@ class IsoTpChannel:
         self._bus = bus
         self._inbox: deque[isotp.CanMessage] = deque()
         self._error: Exception | None = None
+        self._awaiting = False
         self._response_id = physical_response_id(module_address)
         address = isotp.Address(
             isotp.AddressingMode.NormalFixed_29bits,
@@ -122,9 +130,17 @@ class IsoTpChannel:
         transport = self._transport
         return not transport.transmitting() and not self._receiving
 
-    def send(self, payload: bytes) -> None:
-        """Start to send a message; `receive` or `finish` carries on with it."""
+    def send(self, payload: bytes, *, answered: bool = True) -> None:
+        """Start to send a message; `receive` or `finish` carries on with it.
+
+        Parameters
+        ----------
+        payload : bytes
+        answered : bool
+            Whether the module is to answer it.
+        """
         self._error = None
+        self._awaiting = answered
         self._transport.send(payload)
         self._transport.process()
 
@@ -152,13 +168,24 @@ class IsoTpChannel:
         start_s = self._bus.now_s
         while not self._transport.available():
             if self._bus.now_s - start_s >= timeout_s and not self._receiving:
+                self._awaiting = False
                 return None
             self._advance(start_s + timeout_s + TRANSFER_TIMEOUT_S)
+        self._awaiting = False
         message = self._transport.recv()
         return None if message is None else bytes(message)
 
     def clear(self) -> None:
-        """Forget what was received and not read."""
+        """Forget what was received and not read.
+
+        An exchange that was interrupted, by an abort for instance, is first carried to its
+        end: else the next request would be given its answer.
+        """
+        if self._awaiting:
+            try:
+                self.receive(INTERRUPTED_S)
+            except ModuleSilent as error:
+                logger.info("an interrupted exchange is given up: %s", error)
         self._inbox.clear()
         while self._transport.available():
             self._transport.recv()
@@ -178,6 +205,7 @@ class IsoTpChannel:
             self._error = isotp.IsoTpError("it took too long")
         if self._error is not None:
             error, self._error = self._error, None
+            self._awaiting = False
             self._transport.reset()
             message = f"the module broke off a diagnostic message: {error}"
             raise ModuleSilent(message)

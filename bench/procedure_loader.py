@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any, Final
 
 from bench.limit_set import LimitsFile
@@ -50,6 +51,11 @@ def load_procedure(name: str) -> Procedure:
 def schema_names() -> list[str]:
     """Return the kinds of file that have a schema."""
     return list(_MODELS)
+
+
+def schema_text(kind: str = "procedure") -> str:
+    """Return the JSON Schema as the shipped ``<kind>.schema.json`` has it."""
+    return json.dumps(json_schema(kind), indent=1, sort_keys=True) + "\n"
 
 
 def json_schema(kind: str = "procedure") -> dict[str, Any]:

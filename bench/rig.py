@@ -43,7 +43,7 @@ POSITION_WINDOW_DEG: Final = 0.05
 """Farther than this from its target a settled axis is in fault."""
 STABLE_DEG: Final = 0.005
 """An axis has settled when its encoder stays within this for `STABLE_TICKS`."""
-STABLE_TICKS: Final = round(SETTLE_S / TICK_S) - 5  # the drive's own window takes 50 ms
+STABLE_TICKS: Final = 10
 HOMING_TIMEOUT_S: Final = 60.0
 
 _SETTLE_TIMEOUT_S: Final = 3.0
@@ -95,6 +95,7 @@ class Rig:
         )
         self._azimuth, self._pitch, self._roll = self.drives
         self._watched = False
+        self._referenced = True
         bus.add_hook(self._watch)
 
     @property
@@ -152,12 +153,14 @@ class Rig:
             If an axis does not find it in time.
         """
         self._watched = True
+        self._referenced = False
         self._write(cia402.HOMING_METHOD, 0, cia402.HOMING_ON_INDEX_PULSE)
         self._write(cia402.MODE_OF_OPERATION, 0, Mode.HOMING)
         self._enable()
         self._advance(Drive.start_homing, 1.0, "leave its former mode")
         self._advance(Drive.advance_homing, timeout_s, "find its zero")
         self._write(cia402.MODE_OF_OPERATION, 0, Mode.PROFILE_POSITION)
+        self._referenced = True
         self._settle()
 
     def move_to(
@@ -198,7 +201,9 @@ class Rig:
         return travel_time_s(start, end, direction, self.profiles) + SETTLE_S
 
     def park(self, timeout_s: float | None = None) -> None:
-        """Unwind to 0, 0, 0 and switch the drives off.
+        """Unwind to 0, 0, 0 and switch the drives off, from whatever was interrupted.
+
+        Axes whose homing was interrupted have no zero to go to: they stop where they are.
 
         Raises
         ------
@@ -207,14 +212,25 @@ class Rig:
         """
         self._watched = False
         try:
-            self._enable()
-            self._travel((0.0, 0.0, 0.0), timeout_s)
+            if self._referenced:
+                self._recover()
+                self._travel((0.0, 0.0, 0.0), timeout_s)
+            else:
+                self.quick_stop()
         finally:
             for drive in self.drives:
                 drive.command(cia402.CW_SHUTDOWN)
             self.bus.tick()
             for drive in self.drives:
                 drive.command(0)
+
+    def _recover(self) -> None:
+        """Bring the drives back from an interrupted set-up or set-point hand-shake."""
+        self.bus.send(NMT_ID, nmt_frame(NMT_START, 0))
+        for drive in self.drives:
+            drive.release()
+        self._enable()
+        self._advance(Drive.released, 1.0, "end its set-point hand-shake")
 
     def quick_stop(self) -> None:
         """Stop every axis on its quick-stop ramp; sends only, and watches no longer."""

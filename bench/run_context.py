@@ -71,6 +71,9 @@ class RunContext:
         The accepted fit whose coefficients are written.
     before, written : Coefficients or None
         The module's coefficients before the write, and those that were written.
+    fault_name : str or None
+        ``module_silent``, ``rig_fault``, ``bus_fault``: what ended the run in the place of a
+        measurement.
     not_available : set of str
         Measurements that this unit or recording cannot give; the verdict does without them.
     verified : bool
@@ -109,6 +112,7 @@ class RunContext:
     before: Coefficients | None = None
     written: Coefficients | None = None
     verified: bool = False
+    fault_name: str | None = None
     not_available: set[str] = field(default_factory=set)
     finish: list[tuple[str, Callable[[], object]]] = field(default_factory=list)
     readings: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, dtype=READING))
@@ -236,11 +240,13 @@ class RunContext:
         self.sample_log.begin_dwell(pose.position)
         self.bus.run_for(duration_s)
         samples = self.sample_log.end_dwell()
-        return samples[samples["complete"] == COMPLETE]
+        complete: NDArray[np.void] = samples[samples["complete"] == COMPLETE]
+        return complete
 
     def readings_at(self, positions: Sequence[int]) -> NDArray[np.void]:
         """Return the readings of some positions, in order."""
-        return self.readings[np.isin(self.readings["position"], list(positions))]
+        rows: NDArray[np.void] = self.readings[np.isin(self.readings["position"], list(positions))]
+        return rows
 
     def set_identity(self, identity: ModuleIdentity) -> None:
         """Keep who the module is, and write it down."""

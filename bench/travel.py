@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from bench.pose import Attitude
 
 AXES: Final = ("azimuth", "pitch", "roll")
-SETTLE_S: Final = 0.3
+SETTLE_S: Final = 0.4
 """From the end of the travel to a settled pose."""
 SAME_DEG: Final = 0.01
 """Two azimuths closer than this are one."""

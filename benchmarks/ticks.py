@@ -9,7 +9,7 @@ samples.parquet), while the rig turns from pose to pose and dwells.
 product   in-process wire, one port for the simulator: what `run` does by default
 lockstep  in-process wire, one port for each node
 virtual   python-can's `virtual` interface, one bus for each node
-direct    two queues and no bus at all: the floor
+direct    the devices call the bench's subscribers, no bus at all: the floor
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ from devices.simulator import SimulatorOptions, build_host
 from protocols.clock import SimulatedClock
 from protocols.frame import Frame
 from protocols.link import Wire
+from protocols.sync import SYNC_ID, TICK_DONE_ID
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -70,24 +71,39 @@ class Result(NamedTuple):
         return self.ticks / self.seconds
 
 
-class QueueLink:
-    """One end of two queues: the least that can carry a frame."""
+class DirectLink:
+    """Both ends at once: a frame of the devices is a call of the bench's subscriber."""
 
-    def __init__(self, clock: SimulatedClock, incoming: deque[Frame], outgoing: deque[Frame]) -> None:
+    def __init__(self, clock: SimulatedClock) -> None:
         self._clock = clock
-        self._incoming = incoming
-        self._outgoing = outgoing
+        self._requests: deque[Frame] = deque()
+        self._done: Frame | None = None
         self.serve: Callable[[], None] | None = None
+        self.deliver: Callable[[Frame], None] | None = None
+        self.devices = DirectDevices(self)
 
     def send(self, can_id: int, data: bytes) -> None:
-        """Append to the other end's queue."""
-        self._outgoing.append(Frame(self._clock.now_ns(), can_id, data))
+        """Keep a request of the bench; SYNC lets the devices work at once."""
+        self._requests.append(Frame(self._clock.now_ns(), can_id, data))
+        if can_id == SYNC_ID and self.serve is not None:
+            self.serve()
+
+    def answer(self, can_id: int, data: bytes) -> None:
+        """Hand a frame of the devices to its subscriber; keep tick-done for `poll`."""
+        frame = Frame(self._clock.now_ns(), can_id, data)
+        if can_id == TICK_DONE_ID or self.deliver is None:
+            self._done = frame
+        else:
+            self.deliver(frame)
+
+    def request(self) -> Frame | None:
+        """Give the devices the next request."""
+        return self._requests.popleft() if self._requests else None
 
     def poll(self) -> Frame | None:
-        """Take the next frame; let the devices work if there is none."""
-        if not self._incoming and self.serve is not None:
-            self.serve()
-        return self._incoming.popleft() if self._incoming else None
+        """Give the bench tick-done."""
+        frame, self._done = self._done, None
+        return frame
 
     def wait(self, timeout_s: float) -> Frame | None:
         """Return what `poll` returns."""
@@ -96,6 +112,20 @@ class QueueLink:
 
     def close(self) -> None:
         """Nothing to release."""
+
+
+class DirectDevices:
+    """The devices' end of a `DirectLink`."""
+
+    def __init__(self, link: DirectLink) -> None:
+        self.send = link.answer
+        self.poll = link.request
+        self.close = link.close
+
+    def wait(self, timeout_s: float) -> Frame | None:
+        """Return what `poll` returns."""
+        del timeout_s
+        return self.poll()
 
 
 class ServedLink:
@@ -129,10 +159,8 @@ def wiring(variant: str, clock: SimulatedClock, closing: ExitStack) -> Wiring:
         ports = [wire.attach() for _ in range(count)]
         return Wiring(wire.attach(), ports[0] if count == 1 else ports, wire.add_server)
     if variant == "direct":
-        there: deque[Frame] = deque()
-        back: deque[Frame] = deque()
-        bench = QueueLink(clock, back, there)
-        return Wiring(bench, QueueLink(clock, there, back), _setter(bench))
+        direct = DirectLink(clock)
+        return Wiring(direct, direct.devices, _setter(direct))
     from protocols.pycan_link import PyCanLink
 
     links = [PyCanLink("virtual", "benchmark", clock=clock) for _ in range(NODES + 1)]
@@ -142,7 +170,7 @@ def wiring(variant: str, clock: SimulatedClock, closing: ExitStack) -> Wiring:
     return Wiring(served, links[1:], _setter(served))
 
 
-def _setter(link: QueueLink | ServedLink) -> Callable[[Callable[[], None]], None]:
+def _setter(link: DirectLink | ServedLink) -> Callable[[Callable[[], None]], None]:
     def serve_by(serve: Callable[[], None]) -> None:
         link.serve = serve
 
@@ -159,6 +187,8 @@ def measure(variant: str, folder: Path, poses: int) -> Result:
         capture = closing.enter_context(Capture(folder / f"{variant}.blf"))
         bus = BenchBus(bench_link, clock, sinks=[capture])
         closing.callback(bus.flush)
+        if isinstance(bench_link, DirectLink):
+            bench_link.deliver = bus.receive
         module, rig = Module(bus), Rig(bus)
         log = closing.enter_context(SampleLog(folder / f"{variant}.parquet", module, rig))
         module.wait_ready()

@@ -80,14 +80,16 @@ def _time_column(error_span_deg: float, raw_span_deg: float) -> rrb.Vertical:
         rrb.Tabs(
             rrb.Horizontal(
                 _series("CAN frames/s", entities.CAN, 0.0, 1500.0, "rx_per_s", "tx_per_s"),
-                _series("Bus load (%) and lost frames", entities.CAN, 0.0, 40.0, "load_percent", "lost"),
+                _series(
+                    "Bus load (%) and lost frames", entities.CAN, 0.0, 40.0, "load_percent", "lost"
+                ),
                 name="CAN traffic",
             ),
             _series("Rig (°)", entities.RIG, -360.0, 360.0),
             rrb.TextLogView(name="Log", origin=f"/{entities.PROCEDURE}/log"),
             active_tab=0,
         ),
-        row_shares=[3, 3, 2, 1.2, 2],
+        row_shares=[3, 3, 2.4, 1.2, 2],
     )
 
 
@@ -111,9 +113,9 @@ def _field_column(field_mg: float) -> rrb.Vertical:
             time_ranges=_all_times(),
             eye_controls=rrb.EyeControls3D(
                 kind=rrb.Eye3DKind.Orbital,
-                position=[0.9 * reach, -0.9 * reach, 0.35 * reach],
+                position=[0.9 * reach, -0.9 * reach, -0.2 * reach],
                 look_target=[0.0, 0.0, 0.0],
-                eye_up=[0, 0, 1],
+                eye_up=[0, 0, -1],
             ),
         ),
         rrb.BarChartView(

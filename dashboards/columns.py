@@ -10,7 +10,11 @@ import rerun as rr
 from dashboards import entities
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
+
+    from dashboards.entities import Colour
 
 
 class Times:
@@ -44,7 +48,7 @@ def style_line(
     recording: rr.RecordingStream,
     path: str,
     name: str | list[str],
-    colour: object,
+    colour: Colour | Sequence[Colour],
     width: float = 1.5,
 ) -> None:
     """Name and colour a series; peaks are never averaged away when zoomed out."""
@@ -52,8 +56,13 @@ def style_line(
     recording.log(path, style, static=True)
 
 
-def style_points(recording: rr.RecordingStream, path: str, name: str, colour: object) -> None:
+def style_points(
+    recording: rr.RecordingStream,
+    path: str,
+    name: str,
+    colour: Colour | Sequence[Colour],
+    size: float,
+) -> None:
     """Draw a series as points."""
-    recording.log(
-        path, rr.SeriesPoints(names=name, colors=colour, markers="circle", marker_sizes=2.5), static=True
-    )
+    style = rr.SeriesPoints(names=name, colors=colour, markers="circle", marker_sizes=size)
+    recording.log(path, style, static=True)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
+Colour = tuple[int, int, int] | tuple[int, int, int, int]
+"""Red, green, blue and, where it is not opaque, alpha; each 0 to 255."""
+
 APPLICATION_ID: Final = "compass_bench"
 
 SIM_TIME: Final = "sim_time"
@@ -37,6 +40,7 @@ RED: Final = (231, 76, 60)
 GREEN: Final = (46, 204, 113)
 BLUE: Final = (52, 152, 219)
 VIOLET: Final = (155, 89, 182)
+WHITE: Final = (236, 240, 241)
 GREY: Final = (140, 148, 160)
 AMBER: Final = (241, 196, 15)
 DARK: Final = (18, 20, 24)

@@ -28,7 +28,7 @@ def log_shapes(recording: rr.RecordingStream, run: RunView) -> None:
         rr.Ellipsoids3D(
             half_sizes=[[run.field_mg] * 3],
             colors=[(*entities.GREEN, 60)],
-            line_radii=[rr.Radius.ui_points(0.6)],
+            line_radii=rr.Radius.ui_points(0.6),
             fill_mode="majorwireframe",
         ),
         static=True,

@@ -7,7 +7,7 @@ tick, and the same folder gives the same picture. It reads the samples block by 
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import rerun as rr
@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+_PROPERTIES: Final = ("level_max", "tilt_max", "repeatability")
+
+
 def write_recording(path: Path, record: dict[str, Any] | None = None) -> None:
     """Write the recording of the run in whose folder `path` lies.
 
@@ -55,7 +58,9 @@ def write_recording(path: Path, record: dict[str, Any] | None = None) -> None:
     recording.set_log_time_enabled(enabled=False)
     recording.save(partial, default_blueprint=blueprint(run))
     try:
-        recording.send_recording_name(f"{identity.get('serial', '?')} {identity.get('procedure', '')}")
+        recording.send_recording_name(
+            f"{identity.get('serial', '?')} {identity.get('procedure', '')}"
+        )
         _log_run(recording, run)
         _log_properties(recording, record)
     finally:
@@ -155,7 +160,9 @@ def _log_events(recording: rr.RecordingStream, path: Path) -> None:
         level = "ERROR" if outcome in {"FAIL", "ERROR", "ABORTED"} else "INFO"
         details = {k: v for k, v in event.items() if k not in {"kind", "t_s", "at_utc", "wall_utc"}}
         text = ", ".join(f"{key} {_plain(value)}" for key, value in details.items())
-        recording.log(f"{entities.PROCEDURE}/log", rr.TextLog(f"{event.get('kind')}: {text}", level=level))
+        recording.log(
+            f"{entities.PROCEDURE}/log", rr.TextLog(f"{event.get('kind')}: {text}", level=level)
+        )
 
 
 def _plain(value: object) -> str:
@@ -190,6 +197,10 @@ def _log_properties(recording: rr.RecordingStream, record: dict[str, Any]) -> No
         ),
     )
     outcome = str((record.get("verdict") or {}).get("outcome", "ERROR"))
-    values = {m["name"]: float(m["value"]) for m in record.get("measurements", []) if m["value"] is not None}
-    chosen = {name: values[name] for name in ("level_max", "tilt_max", "repeatability") if name in values}
+    values = {
+        m["name"]: float(m["value"])
+        for m in record.get("measurements", [])
+        if m["value"] is not None
+    }
+    chosen: dict[str, Any] = {name: values[name] for name in _PROPERTIES if name in values}
     recording.send_property("acceptance", rr.AnyValues(outcome=outcome, **chosen))

@@ -170,5 +170,7 @@ def _coefficients(fit: dict[str, Any]) -> Coefficients:
         offset_mg=np.asarray(fit["offset_mg"], dtype=float),
         matrix=np.asarray(fit["matrix"], dtype=float).reshape(3, 3),
         accel_offset_g=np.zeros(3) if accel_offset_g is None else np.asarray(accel_offset_g, float),
-        accel_matrix=identity if accel_matrix is None else np.asarray(accel_matrix, float).reshape(3, 3),
+        accel_matrix=identity
+        if accel_matrix is None
+        else np.asarray(accel_matrix, float).reshape(3, 3),
     )

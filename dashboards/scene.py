@@ -37,18 +37,25 @@ def log_scene(recording: rr.RecordingStream, field_ned_mg: NDArray[np.float64]) 
 
 
 def _log_base(recording: rr.RecordingStream) -> None:
-    solid = "solid"
     recording.log(
         f"{entities.BASE}/foot",
         rr.Cylinders3D(
-            lengths=[0.06], radii=[0.36], centers=[[0, 0, 0.18]], colors=[(60, 66, 76)], fill_mode=solid
+            lengths=[0.06],
+            radii=[0.36],
+            centers=[[0, 0, 0.18]],
+            colors=[(60, 66, 76)],
+            fill_mode="solid",
         ),
         static=True,
     )
     recording.log(
         f"{entities.TABLE}/plate",
         rr.Cylinders3D(
-            lengths=[0.03], radii=[0.32], centers=[[0, 0, 0.135]], colors=[(112, 120, 132)], fill_mode=solid
+            lengths=[0.03],
+            radii=[0.32],
+            centers=[[0, 0, 0.135]],
+            colors=[(112, 120, 132)],
+            fill_mode="solid",
         ),
         static=True,
     )
@@ -65,7 +72,7 @@ def _log_base(recording: rr.RecordingStream) -> None:
             centers=[[0, -0.23, 0.05], [0, 0.23, 0.05]],
             half_sizes=[[0.03, 0.012, 0.07]] * 2,
             colors=[(96, 104, 116)],
-            fill_mode=solid,
+            fill_mode="solid",
         ),
         static=True,
     )
@@ -80,9 +87,7 @@ def _log_seat(recording: rr.RecordingStream) -> None:
     )
     recording.log(
         f"{entities.ROLL_FRAME}/plate",
-        rr.Boxes3D(
-            half_sizes=[[0.185, 0.11, 0.006]], colors=[(24, 110, 70)], fill_mode="solid"
-        ),
+        rr.Boxes3D(half_sizes=[[0.185, 0.11, 0.006]], colors=[(24, 110, 70)], fill_mode="solid"),
         static=True,
     )
     recording.log(

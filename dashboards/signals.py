@@ -28,25 +28,31 @@ _RGB: Final = [entities.RED, entities.GREEN, entities.BLUE]
 
 def log_styles(recording: rr.RecordingStream) -> None:
     """Name and colour every series."""
-    style_line(recording, f"{entities.HEADING}/reference", "rig (magnetic)", entities.GREY, 1.0)
-    style_line(recording, f"{entities.HEADING}/raw", "raw", entities.RED)
-    style_line(recording, f"{entities.HEADING}/module", "module's own", entities.BLUE, 2.0)
-    style_line(recording, f"{entities.HEADING}/compensated", "compensated", entities.GREEN, 2.0)
-    style_points(recording, f"{entities.ERROR}/compensated_samples", "single samples", (*entities.GREEN, 60))
-    style_points(recording, f"{entities.RAW_ERROR}/raw", "raw", entities.RED)
-    style_points(recording, f"{entities.RAW_ERROR}/module", "module's own", entities.BLUE)
+    # Headings are points: a line would cross the whole plot wherever they wrap.
+    for name, label, colour, size in (
+        ("raw", "raw", entities.RED, 0.8),
+        ("module", "module's own", entities.BLUE, 1.2),
+        ("compensated", "compensated", entities.GREEN, 1.0),
+        ("reference", "rig (magnetic)", entities.GREY, 0.5),
+    ):
+        style_points(recording, f"{entities.HEADING}/{name}", label, colour, size)
+    faint = (*entities.GREEN, 40)
+    style_points(recording, f"{entities.ERROR}/samples", "single samples", faint, 1.0)
+    style_points(recording, f"{entities.RAW_ERROR}/raw", "raw", entities.RED, 1.5)
+    style_points(recording, f"{entities.RAW_ERROR}/module", "module's own", entities.BLUE, 1.0)
     style_line(recording, f"{entities.FIELD}/raw", [f"raw {a}" for a in _AXES], _RGB)
-    for name, colour in (("azimuth", entities.AMBER), ("pitch", entities.BLUE), ("roll", entities.VIOLET)):
+    for name, colour in (
+        ("azimuth", entities.AMBER),
+        ("pitch", entities.BLUE),
+        ("roll", entities.VIOLET),
+    ):
         style_line(recording, f"{entities.RIG}/{name}_deg", f"{name} (°)", colour)
-    for path, colour in ((entities.PLANE, entities.RED), (entities.SPACE, entities.RED)):
-        _style_cloud(recording, f"{path}/raw", colour)
-        _style_cloud(recording, f"{path}/compensated", entities.GREEN)
-
-
-def _style_cloud(recording: rr.RecordingStream, path: str, colour: tuple[int, int, int]) -> None:
-    points = rr.Points2D if path.startswith(entities.PLANE) else rr.Points3D
-    style = points.from_fields(colors=[colour], radii=[rr.Radius.ui_points(1.4)])
-    recording.log(path, style, static=True)
+    radius = rr.Radius.ui_points(1.4)
+    for name, colour in (("raw", entities.RED), ("compensated", entities.GREEN)):
+        flat = rr.Points2D.from_fields(colors=[colour], radii=radius)
+        recording.log(f"{entities.PLANE}/{name}", flat, static=True)
+        solid = rr.Points3D.from_fields(colors=[colour], radii=radius)
+        recording.log(f"{entities.SPACE}/{name}", solid, static=True)
 
 
 def log_block(recording: rr.RecordingStream, block: Block, position: NDArray[np.int64]) -> None:
@@ -82,7 +88,7 @@ def _log_errors(recording: rr.RecordingStream, block: Block, times: Times) -> No
     send_scalars(recording, f"{entities.RAW_ERROR}/module", columns, own)
     if block.compensated_deg is not None:
         error = block.error_deg(block.compensated_deg)[settled]
-        send_scalars(recording, f"{entities.ERROR}/compensated_samples", columns, error)
+        send_scalars(recording, f"{entities.ERROR}/samples", columns, error)
 
 
 def _log_rig(recording: rr.RecordingStream, block: Block, times: Times) -> None:
@@ -160,25 +166,31 @@ def log_dwell_errors(
     tilted = np.hypot(dwells["rig_pitch_deg"], dwells["rig_roll_deg"]) > LEVEL_DEG
     judged = np.isin(dwells["position"], verifying)
     for kind, chosen, colour in (
-        ("level", judged & ~tilted, entities.GREEN),
-        ("tilt", judged & tilted, entities.AMBER),
+        ("level", judged & ~tilted, entities.WHITE),
+        ("tilt", judged & tilted, entities.BLUE),
     ):
         if not chosen.any():
             continue
         rows = dwells[chosen]
         columns = [
-            rr.TimeColumn(entities.SIM_TIME, duration=np.round(rows["t_s"] * 1e9).astype("timedelta64[ns]")),
+            rr.TimeColumn(
+                entities.SIM_TIME, duration=np.round(rows["t_s"] * 1e9).astype("timedelta64[ns]")
+            ),
             rr.TimeColumn(entities.TICK, sequence=[ticks[int(p)] for p in rows["position"]]),
             rr.TimeColumn(entities.POSITION, sequence=rows["position"].astype(np.int64)),
         ]
         path = f"{entities.ERROR}/verified_{kind}"
-        style_points(recording, path, f"verified, {kind}", colour)
+        style_points(recording, path, f"verified, {kind}", colour, 3.5)
         send_scalars(recording, path, columns, error_deg[chosen])
         limit_deg = run.high(f"{kind}_max", np.inf)
-        bar_colour = entities.GREEN if np.abs(error_deg[chosen]).max() <= limit_deg else entities.RED
+        bar_colour = (
+            entities.GREEN if np.abs(error_deg[chosen]).max() <= limit_deg else entities.RED
+        )
         recording.log(
             f"{entities.ACCEPTANCE}/{kind}_error_deg",
-            rr.BarChart(error_deg[chosen], abscissa=rows["position"].astype(np.int64), color=bar_colour),
+            rr.BarChart(
+                error_deg[chosen], abscissa=rows["position"].astype(np.int64), color=bar_colour
+            ),
             static=True,
         )
 

@@ -32,7 +32,9 @@ def log_traffic(
     last_tick = int(ends["tick"][-1])
     ticks = np.minimum(np.round(seconds * 100.0).astype(np.int64), last_tick)
     times = [
-        rr.TimeColumn(entities.SIM_TIME, duration=np.round(seconds * 1e9).astype("timedelta64[ns]")),
+        rr.TimeColumn(
+            entities.SIM_TIME, duration=np.round(seconds * 1e9).astype("timedelta64[ns]")
+        ),
         rr.TimeColumn(entities.TICK, sequence=ticks),
     ]
     for name, label, colour in _SERIES:

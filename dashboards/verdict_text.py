@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-_MARKS: Final = {"PASS": "pass", "MARGINAL": "**marginal**", "FAIL": "**FAIL**", "ERROR": "**ERROR**"}
+_MARKS: Final = {
+    "PASS": "pass",
+    "MARGINAL": "**marginal**",
+    "FAIL": "**FAIL**",
+    "ERROR": "**ERROR**",
+}
 _LETTERS: Final = ("A", "B", "C", "D", "E")
 _MEANINGS: Final = {
     "A": "index, rotation",
@@ -50,7 +55,7 @@ def methods_markdown(record: dict[str, Any]) -> str:
     lines = [
         "# Methods on the same samples",
         "",
-        "| method | level max (°) | level rms | tilted max (°) | tilted rms | predicted rms | residual (mG) |",
+        "| method | level max (°) | level rms | tilt max | tilt rms | predicted | residual (mG) |",
         "|---|---:|---:|---:|---:|---:|---:|",
     ]
     for method in order:

@@ -82,7 +82,7 @@ def _headless(recording: Path, size: str) -> Iterator[Any]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    command = [executable(), "--headless", "--bind", "127.0.0.1", "--port", str(port)]
+    command = [str(executable()), "--headless", "--bind", "127.0.0.1", "--port", str(port)]
     command += ["--window-size", size, "--hide-welcome-screen", str(recording)]
     with tempfile.TemporaryFile() as log:
         process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)  # noqa: S603
@@ -97,7 +97,9 @@ def _connect(process: subprocess.Popen[bytes], port: int) -> Any:  # noqa: ANN40
     deadline_s = time.monotonic() + _START_S
     while time.monotonic() < deadline_s:
         if process.poll() is not None:
-            message = f"rerun viewer ended with code {process.returncode}; is a Vulkan driver installed?"
+            message = (
+                f"rerun viewer ended with code {process.returncode}; is a Vulkan driver installed?"
+            )
             raise ViewerFailed(message)
         try:
             client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")

@@ -23,6 +23,7 @@ RING_FREQUENCY_HZ: Final = 14.0
 RING_DECAY_S: Final = 0.04
 RING_END_S: Final = 0.28
 """The ring-down has fallen to a thousandth: the load rests."""
+_ARRIVED_DEG: Final = 1e-9
 TORQUE_RESERVE: Final = 1.25
 """Speed that a free axis can reach, over its rated speed."""
 
@@ -173,7 +174,7 @@ class AxisMechanics:
 
     def step(self, dt_s: float) -> None:
         """Let `dt_s` seconds pass."""
-        if self._mode == _REST:
+        if self._mode == _REST or dt_s <= 0.0:
             return
         before_dps = self._velocity_dps
         self._velocity_dps = velocity_dps = self._next_velocity_dps(dt_s)
@@ -209,14 +210,15 @@ class AxisMechanics:
         else:
             away_deg = self._target_deg - self._demand_deg
             distance_deg = abs(away_deg)
-            if distance_deg <= change_dps * dt_s and abs(self._velocity_dps) <= 2.0 * change_dps:
-                if distance_deg:
-                    self._demand_deg = self._target_deg
+            if distance_deg < _ARRIVED_DEG and abs(self._velocity_dps) <= change_dps:
+                self._demand_deg = self._target_deg
                 return 0.0
-            # k whole steps of braking cover k (k + 1)/2 times the distance of one: solve for k
-            steps = (math.sqrt(1.0 + 8.0 * distance_deg / (change_dps * dt_s)) - 1.0) / 2.0
-            speed_dps = min(self._velocity_limit_dps, change_dps * steps)
-            wanted_dps = math.copysign(speed_dps, away_deg)
+            # n steps, each slower by one change, cover n v - n (n - 1)/2 changes: the least
+            # n for the distance, and the v that ends on the target
+            lengths = distance_deg / (change_dps * dt_s)
+            steps = math.ceil((math.sqrt(1.0 + 8.0 * lengths) - 1.0) / 2.0 - 1e-9) or 1
+            speed_dps = change_dps * (lengths / steps + (steps - 1) / 2.0)
+            wanted_dps = math.copysign(min(self._velocity_limit_dps, speed_dps), away_deg)
         low_dps = self._velocity_dps - change_dps
         return min(max(wanted_dps, low_dps), low_dps + 2.0 * change_dps)
 

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 _NS_PER_S = 1e9
 _DRIFT_PERIOD_S = 1.0
+_LONGEST_STEP_S = 0.02
+"""Longer steps, as after a hiccup of a free-running host, are divided for the mechanics."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +142,11 @@ class World:
         if t_ns < self._t_ns:
             message = f"t_ns must not go back; instead received {t_ns} ns after {self._t_ns} ns"
             raise ValueError(message)
-        self.rig.step((t_ns - self._t_ns) / _NS_PER_S)
+        dt_s = (t_ns - self._t_ns) / _NS_PER_S
+        while dt_s > _LONGEST_STEP_S:
+            self.rig.step(_LONGEST_STEP_S)
+            dt_s -= _LONGEST_STEP_S
+        self.rig.step(dt_s)
         self._t_ns = t_ns
         t_s = t_ns / _NS_PER_S
         if t_s >= self._next_drift_s or self.hum is not None or self.forklift is not None:

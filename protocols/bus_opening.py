@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import errno
 import logging
+import socket
 from typing import TYPE_CHECKING, Any, Final
 
 import can
@@ -41,9 +42,22 @@ def open_bus(
         kwargs = {"hop_limit": 0, "fd": False, **kwargs}
         channel = _UDP_GROUP if channel is None else channel
     try:
+        if interface == "socketcan" and channel is not None:
+            _require_channel(str(channel))
         return can.Bus(channel=channel, interface=interface, **kwargs)
     except (can.CanError, OSError, ValueError, TypeError, ImportError, RuntimeError) as error:
         raise LinkError(_cannot_open(interface, channel, error)) from error
+
+
+def _require_channel(channel: str) -> None:
+    """Raise OSError where SocketCAN or the channel is missing.
+
+    python-can would find out too, but would leave its socket open.
+    """
+    with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW):
+        names = {name for _, name in socket.if_nameindex()}
+    if channel not in names:
+        raise OSError(errno.ENODEV, "No such device")
 
 
 def _unknown_interface(interface: str) -> str:

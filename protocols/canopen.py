@@ -110,6 +110,18 @@ class SdoRequest(NamedTuple):
     value: bytes | None
 
 
+def _pack_expedited(command: int, index: int, subindex: int, value: bytes) -> bytes:
+    if not 1 <= len(value) <= 4:
+        sentence = f"expedited SDO value must be 1 to 4 bytes; instead received {len(value)}"
+        raise FrameError(sentence)
+    return _SDO.pack(command | (4 - len(value)) << 2, index, subindex, value.ljust(4, b"\0"))
+
+
+def _expedited_length(command: int) -> int:
+    """Return the bytes in use; four where the sender does not indicate the size (bit 0)."""
+    return 4 - (command >> 2 & 3) if command & 1 else 4
+
+
 def pack_sdo_upload(index: int, subindex: int) -> bytes:
     """Return the request to read an object."""
     return _SDO.pack(0x40, index, subindex, b"\0\0\0\0")
@@ -117,11 +129,7 @@ def pack_sdo_upload(index: int, subindex: int) -> bytes:
 
 def pack_sdo_download(index: int, subindex: int, value: bytes) -> bytes:
     """Return the request to write 1 to 4 bytes to an object."""
-    if not 1 <= len(value) <= 4:
-        sentence = f"expedited SDO value must be 1 to 4 bytes; instead received {len(value)}"
-        raise FrameError(sentence)
-    command = 0x23 | (4 - len(value)) << 2
-    return _SDO.pack(command, index, subindex, value.ljust(4, b"\0"))
+    return _pack_expedited(0x23, index, subindex, value)
 
 
 def unpack_sdo_request(data: bytes) -> SdoRequest | None:
@@ -131,14 +139,14 @@ def unpack_sdo_request(data: bytes) -> SdoRequest | None:
     command, index, subindex, raw = _SDO.unpack(data)
     if command == 0x40:
         return SdoRequest(index, subindex, None)
-    if command & 0xE3 == 0x23:
-        return SdoRequest(index, subindex, raw[: 4 - (command >> 2 & 3)])
+    if command & 0xE2 == 0x22:
+        return SdoRequest(index, subindex, raw[: _expedited_length(command)])
     return None
 
 
 def pack_sdo_uploaded(index: int, subindex: int, value: bytes) -> bytes:
     """Return the answer to an upload."""
-    return _SDO.pack(0x43 | (4 - len(value)) << 2, index, subindex, value.ljust(4, b"\0"))
+    return _pack_expedited(0x43, index, subindex, value)
 
 
 def pack_sdo_downloaded(index: int, subindex: int) -> bytes:
@@ -170,7 +178,7 @@ def unpack_sdo_response(node_id: int, data: bytes) -> tuple[int, int, bytes]:
         raise SdoAbort(node_id, index, subindex, code, SDO_SENTENCES.get(code, "unknown reason"))
     if command == 0x60:
         return index, subindex, b""
-    if command & 0xE3 == 0x43:
-        return index, subindex, raw[: 4 - (command >> 2 & 3)]
+    if command & 0xE2 == 0x42:
+        return index, subindex, raw[: _expedited_length(command)]
     sentence = f"SDO answer of drive {node_id} has an unknown command {command:02X}h"
     raise FrameError(sentence)

@@ -1,7 +1,9 @@
 """A `Link` over any adapter that python-can knows.
 
-One reader thread empties the channel into a queue, so that a busy bench loses no frame.
-python-can's own Notifier is not used: it stops silently at the first exception of a
+Whoever polls or waits reads the channel itself, because handing each frame from thread to
+thread would cost most of the time of a tick. While the bench is busy with something else, a
+reader thread empties the channel into a queue every few milliseconds, so that nothing is
+lost. python-can's own Notifier is not used: it stops silently at the first exception of a
 listener. Linux SocketCAN is read and written directly (`socketcan_port`): python-can's
 reader would hide the kernel's drop counter.
 """
@@ -11,7 +13,7 @@ from __future__ import annotations
 import errno
 import threading
 import time
-from queue import Empty, SimpleQueue
+from collections import deque
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
 from protocols.clock import Clock, MonotonicClock
@@ -24,8 +26,8 @@ if TYPE_CHECKING:
 
 SEND_DEADLINE_S: Final = 1.0
 """How long a full transmit queue is waited for."""
-READER_PERIOD_S: Final = 0.1
-"""The reader thread looks this often whether it is to end."""
+READER_PERIOD_S: Final = 0.005
+"""The reader thread empties the channel this often; time stamps are late by no more."""
 THREADLESS_INTERFACES: Final = frozenset({"virtual", "lockstep"})
 """In-process interfaces whose queue has no end: read by whoever polls."""
 
@@ -103,7 +105,8 @@ class PyCanLink:
         self._clock = clock if clock is not None else MonotonicClock()
         self._faults = FaultCounter(channel)
         self._port = _port_on(bus, interface, self._faults)
-        self._queue: SimpleQueue[Frame | None] = SimpleQueue()
+        self._queue: deque[Frame] = deque()
+        self._reading = threading.Lock()
         self._failure: LinkError | None = None
         self._closing = threading.Event()
         self._reader: threading.Thread | None = None
@@ -180,37 +183,38 @@ class PyCanLink:
                     raise LinkError(self._sentence(waited, error)) from error
 
     def _next(self, timeout_s: float) -> Frame | None:
-        if self._reader is None:
+        if not self._queue:
             self._check()
-            return self._receive(timeout_s)
-        if timeout_s <= 0.0 and self._queue.empty():
-            self._check()
-            return None
-        try:
-            frame = self._queue.get(timeout=max(timeout_s, 0.0))
-        except Empty:
-            frame = None
-        if frame is None:
-            self._check()
-        return frame
+            with self._reading:
+                if not self._queue:
+                    return self._receive(timeout_s)
+        return self._queue.popleft()
 
     def _receive(self, timeout_s: float) -> Frame | None:
         try:
             received = self._port.receive(timeout_s)
         except OSError as error:
-            raise LinkError(self._sentence("cannot be read", error)) from error
+            self._failure = LinkError(self._sentence("cannot be read", error))
+            raise self._failure from error
         return None if received is None else Frame(self._clock.now_ns(), *received)
 
     def _read(self) -> None:
-        while not self._closing.is_set():
+        while not self._closing.wait(READER_PERIOD_S):
+            if not self._reading.acquire(blocking=False):
+                continue  # somebody is reading just now
             try:
-                frame = self._receive(READER_PERIOD_S)
-            except LinkError as error:
-                self._failure = error
-                self._queue.put(None)  # wakes whoever waits
+                self._empty()
+            except LinkError:  # whoever reads or sends next is told
                 return
-            if frame is not None:
-                self._queue.put(frame)
+            finally:
+                self._reading.release()
+
+    def _empty(self) -> None:
+        while not self._closing.is_set():
+            frame = self._receive(0.0)
+            if frame is None:
+                return
+            self._queue.append(frame)
 
     def _check(self) -> None:
         if self._closing.is_set():

@@ -11,6 +11,7 @@ from __future__ import annotations
 import select
 import socket
 import struct
+import time
 from typing import TYPE_CHECKING, Final
 
 from protocols.link_faults import FaultCounter, LinkFault, error_frame_fault
@@ -54,9 +55,22 @@ class SocketCanPort:
 
     def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
         """Return (identifier, data) of the next data frame, or None after the time-out."""
-        if not self._readable.poll(timeout_s * 1000.0):
-            return None
-        frame, ancillary, flags, _ = self._socket.recvmsg(_CAN_FRAME.size, _ANCILLARY_BYTES)
+        deadline_s = time.monotonic() + timeout_s if timeout_s > 0.0 else 0.0
+        while True:
+            try:
+                received = self._take()
+            except BlockingIOError:
+                left_s = deadline_s - time.monotonic() if deadline_s else 0.0
+                if left_s <= 0.0 or not self._readable.poll(left_s * 1000.0):
+                    return None
+                continue
+            if received is not None:
+                return received
+
+    def _take(self) -> tuple[int, bytes] | None:
+        frame, ancillary, flags, _ = self._socket.recvmsg(
+            _CAN_FRAME.size, _ANCILLARY_BYTES, socket.MSG_DONTWAIT
+        )
         for level, kind, payload in ancillary:
             if level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
                 self._count_drops(_DROPS.unpack_from(payload)[0])

@@ -5,6 +5,7 @@ All functions are pure: one READING a pose in, measurements without limits out.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -28,6 +29,14 @@ EXCITED_MG: Final = 50.0
 """Smallest change of the station's field on an axis that a set/reset check can use."""
 HK_CEILING_G: Final = 100.0
 """A larger anisotropy field cannot be told from none and is reported as this."""
+WHOLLY_ASYMMETRIC: Final = 200.0
+"""Asymmetry of an axis that the strap does not flip at all, in percent."""
+PAIR_UNITS: Final = {
+    "set_reset_amplitude": "%",
+    "set_reset_symmetry": "%",
+    "bridge_offset": "mG",
+    "hk": "G",
+}
 SAME_HEADING_DEG: Final = 2.0
 
 
@@ -51,60 +60,70 @@ def evaluate_set_reset(step: str, readings: NDArray[np.void], site: SiteField) -
 
     - set_reset_amplitude (%): peak-to-peak of (set - reset)/2 over the poses against that
       of the station's field on the axis; a strap that does not flip the film gives none.
-    - set_reset_symmetry (%): difference of the peak-to-peak of set and of reset readings
-      over their mean.
-    - bridge_offset (mG): (set + reset)/2 regressed on 1 and Hx Hy, its part at no field
-      (Caruso (5)-(7) with the cross-axis term of the AMR bridge, V = S Hy/(1 + Hx/Hk)).
-    - hk (G): anisotropy field from the same regression.
+    - set_reset_symmetry (%): difference of the slopes of set and of reset readings over the
+      field on the axis, over their mean.
+    - bridge_offset (mG) and hk (G), see `pair_offset`.
 
-    Axes on which the station's field changes by less than `EXCITED_MG` are left out, except
-    for the offset, which is then the mean.
+    They come kind by kind, so that a dead strap is seen in its own axis's amplitude before
+    it is seen in a neighbour's Hk. Axes on which the station's field changes by less than
+    `EXCITED_MG` are left out, except for the offset, which is then the mean.
     """
     expected_ptp_mg = np.ptp(expected_field_mg(readings, site), axis=0)
-    found: list[Measurement] = []
+    swing_mg = np.ptp(readings["field_mg"], axis=0)
+    by_kind: dict[str, list[tuple[str, float | None]]] = {
+        "set_reset_amplitude": [],
+        "set_reset_symmetry": [],
+        "bridge_offset": [],
+        "hk": [],
+    }
     for index, axis in enumerate(AXES):
-        excited = float(expected_ptp_mg[index]) >= EXCITED_MG
-        if excited:
-            ratios = _pair_ratios(readings, index, float(expected_ptp_mg[index]))
-            for name, value in zip(("amplitude", "symmetry"), ratios, strict=True):
-                found.append(_percent(f"set_reset_{name}_{axis}", value, step))
-        offset_mg, hk_g = bridge_offset(readings, index)
-        found.append(
-            Measurement(name=f"bridge_offset_{axis}", value=offset_mg, step=step, unit="mG")
-        )
-        if hk_g is not None:
-            found.append(Measurement(name=f"hk_{axis}", value=hk_g, step=step, unit="G"))
-    return found
+        pair = pair_offset(readings, index)
+        if expected_ptp_mg[index] >= EXCITED_MG:
+            amplitude = 100.0 * float(swing_mg[index] / expected_ptp_mg[index])
+            symmetry = pair.asymmetry_percent if amplitude > 5.0 else WHOLLY_ASYMMETRIC
+            by_kind["set_reset_amplitude"].append((axis, amplitude))
+            by_kind["set_reset_symmetry"].append((axis, symmetry))
+        by_kind["bridge_offset"].append((axis, pair.offset_mg))
+        by_kind["hk"].append((axis, pair.hk_g))
+    return [
+        Measurement(name=f"{kind}_{axis}", value=value, step=step, unit=PAIR_UNITS[kind])
+        for kind, values in by_kind.items()
+        for axis, value in values
+        if value is not None
+    ]
 
 
-def _percent(name: str, value: float, step: str) -> Measurement:
-    return Measurement(name=name, value=value, step=step, unit="%")
+@dataclass(frozen=True, slots=True)
+class PairOffset:
+    """What (set + reset)/2 of one axis tells; None where the poses do not excite it."""
+
+    offset_mg: float
+    hk_g: float | None
+    asymmetry_percent: float | None
 
 
-def _pair_ratios(readings: NDArray[np.void], index: int, expected_mg: float) -> tuple[float, float]:
-    set_ptp_mg = float(np.ptp(readings["set_mg"][:, index]))
-    reset_ptp_mg = float(np.ptp(readings["reset_mg"][:, index]))
-    field_ptp_mg = float(np.ptp(readings["field_mg"][:, index]))
-    mean_mg = (set_ptp_mg + reset_ptp_mg) / 2.0
-    symmetry = 100.0 * abs(set_ptp_mg - reset_ptp_mg) / mean_mg if mean_mg > 0.0 else 100.0
-    return 100.0 * field_ptp_mg / expected_mg, symmetry
+def pair_offset(readings: NDArray[np.void], index: int) -> PairOffset:
+    """Return bridge offset, Hk and set/reset asymmetry of one axis.
 
+    To first order in H/Hk the bridge V = S Hy/(1 + Hx/Hk) makes
 
-def bridge_offset(readings: NDArray[np.void], index: int) -> tuple[float, float | None]:
-    """Return (bridge offset in mG, Hk in G or None) of one axis.
+        (set + reset)/2 = offset - H_own H_neighbour/Hk + a H_own
 
-    (set + reset)/2 = offset - H_own H_neighbour / Hk to first order in H/Hk; Hk is None where
-    the product of the two fields changes by less than 5000 mG^2 over the poses.
+    where a is half the difference of the set and reset sensitivities. The middle term is
+    several mG in the Earth's field: a plain mean, or the swings of set and reset compared
+    as they are, take it for an offset and for an asymmetry (Caruso (5)-(7), which leave it
+    out). Hk is None where the product of the fields changes by less than 5000 mG^2.
     """
     offset_mg = readings["offset_mg"][:, index]
-    field_mg = readings["field_mg"]
-    product = field_mg[:, index] * field_mg[:, NEIGHBOUR[index]]
+    own_mg = readings["field_mg"][:, index]
+    product = own_mg * readings["field_mg"][:, NEIGHBOUR[index]]
     if len(readings) < 4 or float(np.ptp(product)) < 5000.0:
-        return float(np.mean(offset_mg)), None
-    design = np.column_stack([np.ones(len(product)), product])
-    (constant_mg, slope_per_mg), *_ = np.linalg.lstsq(design, offset_mg, rcond=None)
-    floor_per_mg = 1.0 / (HK_CEILING_G * 1000.0)
-    return float(constant_mg), 1.0e-3 / max(abs(float(slope_per_mg)), floor_per_mg)
+        return PairOffset(float(np.mean(offset_mg)), None, None)
+    columns = np.column_stack([np.ones(len(product)), product / 1.0e4, own_mg / 1.0e2])
+    solution = np.linalg.lstsq(columns, offset_mg, rcond=None)[0]
+    slope_per_mg = max(abs(float(solution[1])) / 1.0e4, 1.0 / (HK_CEILING_G * 1000.0))
+    asymmetry_percent = min(100.0 * 2.0 * abs(float(solution[2])) / 1.0e2, WHOLLY_ASYMMETRIC)
+    return PairOffset(float(solution[0]), 1.0e-3 / slope_per_mg, asymmetry_percent)
 
 
 def evaluate_senses(

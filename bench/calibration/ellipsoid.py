@@ -191,8 +191,7 @@ def _refined(
         message = "the ellipsoid fit did not settle: cover more directions"
         return refusal(METHOD, Cause.NOT_CONVERGED, message, data, coverage=coverage)
     if not (values > 0.0).all() or values[-1] > LARGEST_AXIS_RATIO * values[0]:
-        message = "the readings fit no ellipsoid of plausible shape: cover more directions"
-        return refusal(METHOD, Cause.DEGENERATE, message, data, coverage=coverage)
+        return _no_ellipsoid(data, unit, scale / float(np.linalg.norm(centre) + scale))
     jacobian = np.asarray(result.jac, dtype=float)
     lengths = np.linalg.norm(jacobian, axis=0)
     singular = np.linalg.svd(jacobian / lengths, compute_uv=False)

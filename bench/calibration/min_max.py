@@ -117,10 +117,7 @@ def _fit_of(
     amplitude: NDArray[np.float64],
     level: NDArray[np.bool_],
 ) -> Fit:
-    station = data.station_field_mg
-    horizontal_mg = float(amplitude.mean())
-    if station is not None:
-        horizontal_mg = float(np.hypot(station[0], station[1]))
+    horizontal_mg = _horizontal_mg(data, amplitude)
     radial = np.hypot(unit[:, 0], unit[:, 1]) - 1.0
     residual = float(np.sqrt((radial**2).mean())) * float(amplitude.mean())
     if residual > LARGEST_RESIDUAL * amplitude.mean():
@@ -135,7 +132,6 @@ def _fit_of(
     rms_deg, max_deg = _predicted(horizontal_mg, variance)
     turn = np.column_stack([unit, np.ones(len(unit))])
     singular = np.linalg.svd(turn, compute_uv=False)
-    vertical = np.full((len(unit), 1), 0.0)
     return Fit(
         method=METHOD,
         message="from level readings only; z, soft iron and misalignment are not in the prediction",
@@ -150,7 +146,7 @@ def _fit_of(
         dof=dof,
         rank=4,
         condition=float(singular[0] / singular[-1]),
-        coverage=sphere_coverage(np.hstack([unit, vertical])),
+        coverage=sphere_coverage(np.insert(unit, 2, 0.0, axis=1)),
         predicted_heading_rms_deg=rms_deg,
         predicted_heading_max_deg=max_deg,
         extra={
@@ -159,6 +155,12 @@ def _fit_of(
             "largest_gap_deg": largest_gap_deg(unit),
         },
     )
+
+
+def _horizontal_mg(data: CalibrationData, amplitude: NDArray[np.float64]) -> float:
+    if data.station_field_mg is None:
+        return float(amplitude.mean())
+    return float(np.hypot(data.station_field_mg[0], data.station_field_mg[1]))
 
 
 def _predicted(horizontal_mg: float, variance: float) -> tuple[float, float]:

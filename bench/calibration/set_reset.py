@@ -75,9 +75,7 @@ def field_and_offset_mg(
     return (set_mg - reset_mg) / 2.0, (set_mg + reset_mg) / 2.0
 
 
-def check_set_reset(
-    set_mg: NDArray[np.float64], reset_mg: NDArray[np.float64]
-) -> SetResetCheck:
+def check_set_reset(set_mg: NDArray[np.float64], reset_mg: NDArray[np.float64]) -> SetResetCheck:
     """Estimate bridge offset, Hk and strap symmetry of each axis.
 
     Parameters

@@ -193,12 +193,9 @@ def _fit_of(
     chi2_reduced = solution.chi2 / max(equations - unknowns, 1)
     covariance = solution.covariance * max(chi2_reduced, 1.0)
     rms_deg, max_deg = _predicted(solution, magnetometer, accelerometer, covariance)
-    with_accel = accelerometer is not None
-    names = MAGNETOMETER_PARAMETERS + (ACCELEROMETER_PARAMETERS if with_accel else ())
-    to_deg = np.array(
-        [180.0 / np.pi if n.startswith(("field_", "dip_", "base_")) else 1.0 for n in names]
-    )
-    covariance = covariance * to_deg[:, None] * to_deg
+    names = MAGNETOMETER_PARAMETERS + (ACCELEROMETER_PARAMETERS if accelerometer else ())
+    units = np.array([_unit(name) for name in names])
+    covariance = covariance * units[:, None] * units
     vectors = poses.turned(solution.field_rig_mg())
     return Fit(
         method=METHOD,
@@ -212,11 +209,7 @@ def _fit_of(
         parameters=names,
         covariance=covariance,
         residual_rms_mg=_residual_rms(magnetometer, vectors),
-        accel_residual_rms_g=(
-            _residual_rms(accelerometer, poses.turned(solution.force_rig_g()))
-            if accelerometer
-            else None
-        ),
+        accel_residual_rms_g=_accel_residual_rms_g(solution, poses),
         chi2_reduced=chi2_reduced,
         dof=equations - unknowns,
         rank=rank,
@@ -228,6 +221,11 @@ def _fit_of(
     )
 
 
+def _unit(name: str) -> float:
+    """Return the factor from the solver's unit of a parameter to that of its name."""
+    return 180.0 / np.pi if name.startswith(("field_", "dip_", "base_")) else 1.0
+
+
 def _inverse(gain: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array(np.linalg.inv(gain), dtype=float)
 
@@ -235,6 +233,12 @@ def _inverse(gain: NDArray[np.float64]) -> NDArray[np.float64]:
 def _residual_rms(sensor: Sensor, vectors: NDArray[np.float64]) -> float:
     residual = sensor.raw - vectors @ sensor.gain.T - sensor.offset
     return float(np.sqrt((residual**2).mean()))
+
+
+def _accel_residual_rms_g(solution: Solution, poses: RigPoses) -> float | None:
+    if solution.accelerometer is None:
+        return None
+    return _residual_rms(solution.accelerometer, poses.turned(solution.force_rig_g()))
 
 
 def _predicted(

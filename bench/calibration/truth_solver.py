@@ -62,12 +62,11 @@ class Solution:
     def field_rig_mg(self) -> NDArray[np.float64]:
         """Return the field in the rig's frame, shape (3,)."""
         direction = field_direction(self.azimuth_rad, self.dip_rad)
-        field: NDArray[np.float64] = self.field_mg * (self.ned_from_rig.T @ direction)
-        return field
+        return np.asarray(self.field_mg * (self.ned_from_rig.T @ direction), dtype=float)
 
     def force_rig_g(self) -> NDArray[np.float64]:
         """Return the specific force in the rig's frame, shape (3,)."""
-        return -self.ned_from_rig.T @ DOWN
+        return np.asarray(-self.ned_from_rig.T @ DOWN, dtype=float)
 
 
 def started(

@@ -76,7 +76,9 @@ class ConsoleProgress:
         line.append(_SHAPES[outcome] if judged else "    ", style=STYLES[outcome] if judged else "")
         line.append(f" {measurement.name:<26}")
         line.append(f"{_value(measurement.value):>9} ")
-        line.append(limit_bar(measurement), style="dim" if outcome is Outcome.PASS else STYLES[outcome])
+        line.append(
+            limit_bar(measurement), style="dim" if outcome is Outcome.PASS else STYLES[outcome]
+        )
         line.append(f" {limits_text(measurement)}", style="dim")
         if outcome is not Outcome.PASS and measurement.note:
             line.append(f"  {measurement.note}")
@@ -86,7 +88,9 @@ class ConsoleProgress:
         """Say how a step ended where it did not pass."""
         self._clear()
         if outcome is not Outcome.PASS:
-            self._console.print(Text(f"{_clock(state)}  {state.step}: {outcome}", style=STYLES[outcome]))
+            self._console.print(
+                Text(f"{_clock(state)}  {state.step}: {outcome}", style=STYLES[outcome])
+            )
 
     def _clear(self) -> None:
         if self._live:
@@ -98,7 +102,10 @@ def print_verdict(verdict: Verdict, serial: str, folder: Path | None) -> None:
     console = Console(highlight=False)
     style = STYLES[verdict.outcome]
     text = Text(justify="center")
-    text.append(f"{_SHAPES[verdict.outcome]}  {verdict.outcome}  {_SHAPES[verdict.outcome]}\n", style=f"bold {style}")
+    text.append(
+        f"{_SHAPES[verdict.outcome]}  {verdict.outcome}  {_SHAPES[verdict.outcome]}\n",
+        style=f"bold {style}",
+    )
     text.append(f"{serial}\n{verdict.reason}\n")
     text.append(verdict.next_action, style="bold")
     console.print(Panel(text, border_style=style, width=min(100, console.width)))

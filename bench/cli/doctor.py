@@ -1,4 +1,4 @@
-"""`compass-bench doctor`: is this machine and this installation fit to test units?"""
+"""`compass-bench doctor`: whether this machine and this installation are fit to test units."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from pathlib import Path
 from typing import Final
 
 import typer
+
+from bench.errors import BenchError
+from protocols.errors import ProtocolError
 
 _PACKAGES: Final = ("python-can", "numpy", "scipy", "rerun-sdk", "canopen", "can-isotp", "udsoncan")
 _OWN_NAMES: Final = ("bench", "devices", "protocols", "dashboards")
@@ -34,7 +37,7 @@ class Check:
 
 def examine(*, json: bool) -> int:
     """Print every check; return 1 if one that is needed failed."""
-    checks = [check() for check in _CHECKS]
+    checks = [_made(check) for check in _CHECKS]
     if json:
         typer.echo(json_module.dumps([asdict(check) for check in checks], indent=2))
     else:
@@ -46,9 +49,26 @@ def examine(*, json: bool) -> int:
     return int(any(not check.ok and check.needed for check in checks))
 
 
+def _made(check: Callable[[], Check]) -> Check:
+    """Return a check; one that cannot be made has failed and says why."""
+    try:
+        return check()
+    except (BenchError, ProtocolError, ImportError) as error:
+        name = check.__name__.strip("_").replace("_", " ")
+        return Check(
+            name,
+            ok=False,
+            found=str(error),
+            required="to be examined",
+            fix="reinstall compass-bench",
+        )
+
+
 def _python() -> Check:
     found = ".".join(map(str, sys.version_info[:3]))
-    return Check("python", sys.version_info >= (3, 11), found, "3.11 or newer", "install a newer Python")
+    return Check(
+        "python", sys.version_info >= (3, 11), found, "3.11 or newer", "install a newer Python"
+    )
 
 
 def _packages() -> Check:
@@ -60,21 +80,25 @@ def _packages() -> Check:
         except importlib.metadata.PackageNotFoundError:
             missing.append(name)
     found = f"missing: {', '.join(missing)}" if missing else ", ".join(versions)
-    return Check("packages", not missing, found, ", ".join(_PACKAGES), "run `make run` or install the wheel")
+    return Check(
+        "packages", not missing, found, ", ".join(_PACKAGES), "run `make run` or install the wheel"
+    )
 
 
 def _names() -> Check:
     owners = importlib.metadata.packages_distributions()
     shared = {name: owners[name] for name in _OWN_NAMES if len(set(owners.get(name, []))) > 1}
-    found = f"shared: {shared}" if shared else "each of bench, devices, protocols, dashboards is ours"
+    found = (
+        f"shared: {shared}" if shared else "each of bench, devices, protocols, dashboards is ours"
+    )
     fix = "install compass-bench into an environment of its own"
     return Check("package names", not shared, found, "one owner for each", fix)
 
 
 def _procedures() -> Check:
-    from bench.procedure_loader import load_procedure, shipped_procedures
+    from bench.procedure_loader import load_procedure, procedure_names
 
-    names = shipped_procedures()
+    names = procedure_names()
     for name in names:
         load_procedure(name)
     return Check("procedures", bool(names), ", ".join(names), "all load", "reinstall compass-bench")
@@ -88,7 +112,9 @@ def _socketcan() -> Check:
         if (entry / "type").exists() and (entry / "type").read_text().strip() == "280"
     )
     found = ", ".join(names) or "none: only virtual buses and adapters with drivers of their own"
-    fix = "for real SocketCAN: `modprobe vcan && ip link add vcan0 type vcan && ip link set vcan0 up`"
+    fix = (
+        "for real SocketCAN: `modprobe vcan && ip link add vcan0 type vcan && ip link set vcan0 up`"
+    )
     return Check("socketcan", bool(names), found, "a CAN network interface", fix, needed=False)
 
 
@@ -98,7 +124,11 @@ def _bus() -> Check:
     serial = "SN0001"
     answer = answer_of_virtual_module(serial)
     return Check(
-        "bus", answer == serial, f"virtual module answered {answer!r} over UDS", serial, "reinstall compass-bench"
+        "bus",
+        answer == serial,
+        f"virtual module answered {answer!r} over UDS",
+        serial,
+        "reinstall compass-bench",
     )
 
 
@@ -106,13 +136,17 @@ def _disk() -> Check:
     free = shutil.disk_usage(Path.cwd()).free
     ok = free > _FREE_BYTES and os.access(Path.cwd(), os.W_OK)
     fix = "name another folder with --out"
-    return Check("disk", ok, f"{free / 1e9:.1f} GB free in {Path.cwd().name}", "0.5 GB, writable", fix)
+    return Check(
+        "disk", ok, f"{free / 1e9:.1f} GB free in {Path.cwd().name}", "0.5 GB, writable", fix
+    )
 
 
 def _viewer() -> Check:
     found = importlib.util.find_spec("rerun_cli") is not None
     text = "rerun viewer is installed" if found else "no rerun viewer"
-    return Check("viewer", found, text, "rerun-sdk", "install rerun-sdk to open recordings", needed=False)
+    return Check(
+        "viewer", found, text, "rerun-sdk", "install rerun-sdk to open recordings", needed=False
+    )
 
 
 _CHECKS: Final[tuple[Callable[[], Check], ...]] = (

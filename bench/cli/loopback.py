@@ -1,14 +1,12 @@
-"""A short exchange with a virtual module in this process: does the installation work?"""
+"""A short exchange with a virtual module in this process: whether the installation works."""
 
 from __future__ import annotations
 
 from bench.bus import BenchBus
-from bench.diagnostics import Diagnostics
 from bench.module import Module
 from devices.simulator import SimulatorOptions, build_host
 from protocols.clock import SimulatedClock
 from protocols.link import Wire
-from protocols.uds import DID_SERIAL
 
 
 def answer_of_virtual_module(serial: str) -> str:
@@ -20,6 +18,6 @@ def answer_of_virtual_module(serial: str) -> str:
     bus = BenchBus(link, SimulatedClock())
     module = Module(bus)
     module.wait_ready(5.0)
-    answer = Diagnostics(bus, module.address).read_did(DID_SERIAL)
+    answer = module.identity().serial
     bus.close()
-    return answer.decode("ascii").rstrip("\0 ")
+    return answer

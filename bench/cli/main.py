@@ -50,7 +50,9 @@ def run(  # noqa: PLR0913 - one parameter an option of the command line
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Hold the simulated clock to the wall clock.")
     ] = False,
-    no_input: Annotated[bool, typer.Option("--no-input", help="Never ask; a prompt is an error.")] = False,
+    no_input: Annotated[
+        bool, typer.Option("--no-input", help="Never ask; a prompt is an error.")
+    ] = False,
     dashboard: Annotated[
         bool, typer.Option("--dashboard/--no-dashboard", help="Write run.rrd at the end.")
     ] = True,
@@ -86,7 +88,9 @@ def simulate(  # noqa: PLR0913 - one parameter an option of the command line
     interface: options.Interface = None,
     channel: options.Channel = None,
     bitrate: options.Bitrate = 500_000,
-    serial: Annotated[str, typer.Option("--serial", help="Serial number of the virtual unit.")] = "SN0001",
+    serial: Annotated[
+        str, typer.Option("--serial", help="Serial number of the virtual unit.")
+    ] = "SN0001",
     site: options.Site = None,
     seed: options.Seed = 1,
     fault: options.Fault = None,
@@ -97,7 +101,8 @@ def simulate(  # noqa: PLR0913 - one parameter an option of the command line
     ] = None,
     *,
     free_running: Annotated[
-        bool, typer.Option("--free-running", help="Devices run on their own clocks, as hardware does.")
+        bool,
+        typer.Option("--free-running", help="Devices run on their own clocks, as hardware does."),
     ] = False,
 ) -> None:
     """Run the virtual rig and module as a process of their own, on any channel."""
@@ -136,12 +141,19 @@ def plan(
 
 @app.command()
 def fit(
-    recording: Annotated[Path, typer.Argument(help="CSV: mx,my,mz [,ax,ay,az] [,heading_deg,...].")],
+    recording: Annotated[
+        Path, typer.Argument(help="CSV: mx,my,mz [,ax,ay,az] [,heading_deg,...].")
+    ],
     method: Annotated[str, typer.Option("--method", "-m", help="A method's name, or all.")] = "all",
-    unit: Annotated[str | None, typer.Option("--unit", help="Unit of the magnetometer: G, mG, uT, nT, counts.")] = None,
-    holdout: Annotated[str, typer.Option("--holdout", help="blocks: judge on rows not fitted; none.")] = "blocks",
+    unit: Annotated[
+        str | None, typer.Option("--unit", help="Unit of the magnetometer: G, mG, uT, nT, counts.")
+    ] = None,
+    holdout: Annotated[
+        str, typer.Option("--holdout", help="blocks: judge on rows not fitted; none.")
+    ] = "blocks",
     declination: Annotated[
-        float, typer.Option("--declination", help="East declination in deg, where headings are true.")
+        float,
+        typer.Option("--declination", help="East declination in deg, where headings are true."),
     ] = 0.0,
     *,
     json: options.Json = False,
@@ -151,7 +163,12 @@ def fit(
 
     raise typer.Exit(
         fit_recording(
-            recording, method=method, unit=unit, holdout=holdout, declination_deg=declination, json=json
+            recording,
+            method=method,
+            unit=unit,
+            holdout=holdout,
+            declination_deg=declination,
+            json=json,
         )
     )
 
@@ -160,17 +177,35 @@ def fit(
 def import_(  # noqa: PLR0913 - one parameter an option of the command line
     source: Annotated[Path, typer.Argument(help="Foreign recording with the magnetometer.")],
     target: Annotated[Path, typer.Argument(help="CSV of the product to write.")],
-    preset: Annotated[str | None, typer.Option("--preset", help="Known format; `list` names them.")] = None,
-    columns: Annotated[
-        str | None, typer.Option("--columns", help="Names in order, e.g. t_s,mx,my,mz; - skips one.")
+    preset: Annotated[
+        str | None, typer.Option("--preset", help="Known format; `list` names them.")
     ] = None,
-    unit: Annotated[str | None, typer.Option("--unit", help="Unit of the magnetometer: G, mG, uT, nT, counts.")] = None,
-    accel: Annotated[Path | None, typer.Option("--accel", help="Second file with the accelerometer.")] = None,
-    accel_columns: Annotated[str | None, typer.Option("--accel-columns", help="As --columns, of --accel.")] = None,
-    accel_unit: Annotated[str | None, typer.Option("--accel-unit", help="Unit of the accelerometer: g, m/s2.")] = None,
-    skip_rows: Annotated[int, typer.Option("--skip-rows", min=0, help="Lines before the data or its header.")] = 0,
-    rate_hz: Annotated[float | None, typer.Option("--rate", min=0.001, help="Rate where there is no time column, Hz.")] = None,
-    resample: Annotated[str, typer.Option("--resample", help="Second file onto the first: nearest or linear.")] = "nearest",
+    columns: Annotated[
+        str | None,
+        typer.Option("--columns", help="Names in order, e.g. t_s,mx,my,mz; - skips one."),
+    ] = None,
+    unit: Annotated[
+        str | None, typer.Option("--unit", help="Unit of the magnetometer: G, mG, uT, nT, counts.")
+    ] = None,
+    accel: Annotated[
+        Path | None, typer.Option("--accel", help="Second file with the accelerometer.")
+    ] = None,
+    accel_columns: Annotated[
+        str | None, typer.Option("--accel-columns", help="As --columns, of --accel.")
+    ] = None,
+    accel_unit: Annotated[
+        str | None, typer.Option("--accel-unit", help="Unit of the accelerometer: g, m/s2.")
+    ] = None,
+    skip_rows: Annotated[
+        int, typer.Option("--skip-rows", min=0, help="Lines before the data or its header.")
+    ] = 0,
+    rate_hz: Annotated[
+        float | None,
+        typer.Option("--rate", min=0.001, help="Rate where there is no time column, Hz."),
+    ] = None,
+    resample: Annotated[
+        str, typer.Option("--resample", help="Second file onto the first: nearest or linear.")
+    ] = "nearest",
 ) -> None:
     """Bring a foreign recording into the product's CSV."""
     from bench.cli.recording_commands import ImportRequest, import_recording
@@ -203,10 +238,13 @@ def judge(folder: RunFolder, limits: options.Limits = None, *, json: options.Jso
 def view(
     folder: RunFolder,
     picture: Annotated[
-        Path | None, typer.Option("--picture", help="Write the dashboard to a PNG instead of opening it.")
+        Path | None,
+        typer.Option("--picture", help="Write the dashboard to a PNG instead of opening it."),
     ] = None,
     *,
-    rebuild: Annotated[bool, typer.Option("--rebuild", help="Make run.rrd anew from the samples.")] = False,
+    rebuild: Annotated[
+        bool, typer.Option("--rebuild", help="Make run.rrd anew from the samples.")
+    ] = False,
 ) -> None:
     """Open a run's recording in rerun."""
     from bench.cli.record_commands import view_run

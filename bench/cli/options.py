@@ -12,13 +12,15 @@ Interface = Annotated[
     typer.Option(
         "--interface",
         "-i",
-        help="python-can interface of the bus: lockstep (default, virtual devices in this process), "
+        help="python-can interface: lockstep (default, virtual devices in this process), "
         "udp_multicast, socketcan, slcan, pcan, kvaser, vector, ...",
     ),
 ]
 Channel = Annotated[
     str | None,
-    typer.Option("--channel", "-c", help="Channel of the interface; names a bus with other devices on it."),
+    typer.Option(
+        "--channel", "-c", help="Channel of the interface; names a bus with other devices on it."
+    ),
 ]
 Bitrate = Annotated[int, typer.Option("--bitrate", "-b", min=10_000, max=1_000_000, help="Bit/s.")]
 RigInterface = Annotated[
@@ -27,11 +29,15 @@ RigInterface = Annotated[
 RigChannel = Annotated[
     str | None, typer.Option(help="Channel of the rig, where it has a bus of its own.")
 ]
-Serial = Annotated[str | None, typer.Option("--serial", help="Serial number scanned from the unit.")]
+Serial = Annotated[
+    str | None, typer.Option("--serial", help="Serial number scanned from the unit.")
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the virtual devices.")]
 Fault = Annotated[
     list[str] | None,
-    typer.Option("--fault", help="Inject NAME[=strength][@tick] into the virtual devices; repeatable."),
+    typer.Option(
+        "--fault", help="Inject NAME[=strength][@tick] into the virtual devices; repeatable."
+    ),
 ]
 Nvm = Annotated[
     Path | None, typer.Option("--nvm", help="File that keeps the virtual module's coefficients.")
@@ -40,7 +46,11 @@ Replay = Annotated[
     Path | None,
     typer.Option("--replay", help="Feed the virtual module from a recording of `import`."),
 ]
-Site = Annotated[Path | None, typer.Option("--site", help="Station file instead of the default one.")]
-Limits = Annotated[Path | None, typer.Option("--limits", help="Limits file instead of the procedure's.")]
+Site = Annotated[
+    Path | None, typer.Option("--site", help="Station file instead of the default one.")
+]
+Limits = Annotated[
+    Path | None, typer.Option("--limits", help="Limits file instead of the procedure's.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder for the records of runs.")]

@@ -104,10 +104,10 @@ def simulate_devices(request: SimulateRequest) -> int:
         simulate(
             options,
             link,
-            clock,
             free_running=request.free_running,
             stop=lambda: bool(ended),
             seconds=request.seconds,
+            clock=clock,
         )
     except (ValueError, OSError) as error:
         raise ConfigError(str(error)) from error

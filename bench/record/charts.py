@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from bench.record.swing import HeadingPoint
 
 _WIDTH, _HEIGHT = 520.0, 250.0
+LABEL_ROOM = 13.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52.0, 14.0, 12.0, 34.0
 
 
@@ -90,8 +91,11 @@ def _bands(bands: Sequence[Band], y_of: Any) -> list[str]:
                 f'<rect class="guard" x="{_LEFT:.1f}" width="{_WIDTH - _LEFT - _RIGHT:.1f}" '
                 f'y="{min(y, inner):.1f}" height="{abs(inner - y):.1f}"/>'
             )
-        label = f"{band.name} limit {band.limit_deg:g}"
-        y = y_of(band.limit_deg)
+    heights = [y_of(band.limit_deg) for band in bands]
+    labels = [f"{band.name} limit {band.limit_deg:g}" for band in bands]
+    if len(heights) > 1 and abs(heights[0] - heights[1]) < LABEL_ROOM:
+        heights, labels = [min(heights) - LABEL_ROOM - 3.0], [", ".join(labels)]
+    for y, label in zip(heights, labels, strict=True):
         parts.append(_text(_WIDTH - _RIGHT - 4, y + 11, label, "end", "limit-label"))
     return parts
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -12,7 +13,7 @@ from bench.acceptance.catalogue import MEASUREMENTS
 from bench.acceptance.outcome import Outcome
 from bench.acceptance.verdict import last_attempts
 from bench.record.charts import Band, heading_error_chart, limit_bar, xy_chart
-from bench.record.document import read_record
+from bench.record.document import RecordDocument, read_record
 from bench.record.entries import measurement_entry, measurement_of
 from bench.record.swing import swing_of
 
@@ -65,16 +66,23 @@ def report_of(run_dir: Path, record: Mapping[str, Any]) -> str:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        number=number, limits=limits_text, distance=distance, bar=limit_bar, words=words,
+        number=number,
+        limits=limits_text,
+        distance=distance,
+        bar=limit_bar,
+        words=words,
         when=when,
-    )  # fmt: skip
+        value=value_text,
+        spoken=spoken,
+        rounded=rounded,
+    )
     swing = swing_of(run_dir, record)
     rows = report_rows(record)
     missed = [row for row in rows if row["outcome"] in (Outcome.FAIL, Outcome.ERROR)]
     close = [row for row in rows if row["outcome"] == Outcome.MARGINAL]
     verdict = record["verdict"] or _VERDICT_OF_NONE
     return environment.get_template(TEMPLATE).render(
-        record=record,
+        record=RecordDocument.model_validate(record).model_dump(mode="json", by_alias=True),
         verdict=verdict,
         symbol=SYMBOLS[Outcome(verdict["outcome"])],
         symbols=SYMBOLS,
@@ -85,6 +93,7 @@ def report_of(run_dir: Path, record: Mapping[str, Any]) -> str:
         charts=_charts(swing, record, rows),
         best=_best_first(record),
         shown=_headlines(rows),
+        written_method=_written_method(record),
         repeated=[entry for entry in record["steps"] if entry["attempt"] > 1],
     )
 
@@ -95,7 +104,7 @@ def report_rows(record: Mapping[str, Any]) -> list[dict[str, Any]]:
     for measurement in last_attempts(measurement_of(e) for e in record["measurements"]):
         entry = measurement_entry(measurement)
         kind = MEASUREMENTS.get(measurement.name)
-        meaning = entry["description"] or (kind.meaning if kind else "")
+        meaning = kind.meaning if kind else entry["description"]
         limited = entry["low"] is not None or entry["high"] is not None
         rows.append({**entry, "meaning": meaning, "limited": limited})
     return rows
@@ -129,6 +138,14 @@ def _headlines(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     names = ("level_max", "level_rms", "tilt_max", "tilt_rms", "repeatability")
     by_name = {row["name"]: row for row in rows}
     return [by_name[name] for name in names if name in by_name]
+
+
+def _written_method(record: Mapping[str, Any]) -> str | None:
+    """Return the method whose coefficients were judged and written, if any were."""
+    if not record["coefficients"].get("written"):
+        return None
+    notes = [e["note"] for e in record["measurements"] if e["name"] == "fit_accepted"]
+    return str(notes[-1]).split(":")[0] if notes else None
 
 
 def _best_first(record: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -181,7 +198,40 @@ def distance(row: Mapping[str, Any]) -> str:
     rooms += [value - low] if low is not None else []
     room = min(rooms)
     unit = f" {row['unit']}" if row["unit"] else ""
-    return f"{number(abs(room))}{unit} {'inside' if room >= 0.0 else 'outside'}"
+    where = "inside" if room >= 0.0 else "outside"
+    return f"{rounded(abs(room), row['uncertainty'])}{unit} {where}"
+
+
+def value_text(row: Mapping[str, Any]) -> str:
+    """Return a row's value with its unit, to the second digit of its uncertainty (GUM 7.2.6)."""
+    if row["value"] is None:
+        return "not measured"
+    unit = f" {row['unit']}" if row["unit"] else ""
+    return f"{rounded(row['value'], row['uncertainty'])}{unit}"
+
+
+def rounded(value: float, uncertainty: float | None) -> str:
+    """Return a value to the second digit of its uncertainty, without one to three digits.
+
+    >>> rounded(0.09681, 0.08), rounded(2.7e-5, 0.5), rounded(578.117, 2.0), rounded(1.0, 0.0)
+    ('0.097', '0.0', '578.1', '1')
+    """
+    if not uncertainty:
+        return f"{value:.0f}" if value == round(value) else number(value)
+    places = max(0, 1 - math.floor(math.log10(uncertainty)))
+    text = f"{value:.{places}f}"
+    return (text.lstrip("-") if float(text) == 0.0 else text).replace("-", "−")
+
+
+def spoken(sentence: str) -> str:
+    """Return a sentence with measurement names in words and a capital first letter.
+
+    >>> spoken("noise_x 0.3 mG is above 0.255 mG")
+    'Noise x 0.3 mG is above 0.255 mG'
+    """
+    for name in MEASUREMENTS:
+        sentence = sentence.replace(name, words(name))
+    return sentence[:1].upper() + sentence[1:]
 
 
 def words(name: str) -> str:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 from bench.quantity import Seconds
 from bench.steps.step import Step
+from protocols.compass import FLAG_REPLAY_ENDED
 
 if TYPE_CHECKING:
     from bench.run_context import RunContext
@@ -33,7 +34,8 @@ class CheckBus(Step):
         BusFault
             If the channel fails or two modules claim one address.
         """
-        context.module.wait_ready(self.ready_timeout)
+        if not context.module.status.flags & FLAG_REPLAY_ENDED:
+            context.module.wait_ready(self.ready_timeout)
         context.bus.run_for(self.listen)
         context.measure(LOAD_NAME, context.bus.load_worst_percent)
         context.measure(LOST_NAME, float(context.module.lost))

@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 import numpy as np
 
 from bench.errors import ModuleSilent
 from bench.quantity import Seconds
 from bench.steps.step import Step
-from protocols.compass import FLAG_NO_ACCELERATION, FLAG_REPLAY_ENDED
+from protocols.compass import FLAG_REPLAY_ENDED
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from bench.calibration.fit import CalibrationData
+    from bench.module import Module
     from bench.run_context import RunContext
+    from bench.sample_log import SampleLog
 
-PAIR = 0b0011
+PAIR: Final = 0b0011
 """Bits of `complete` for the set and the reset reading."""
-POSITION = 0
+POSITION: Final = 0
 """All that is collected counts as one dwell."""
+QUIET_TICKS: Final = 5
+"""A module that has sent no cycle for so long is booting."""
 
 
 class Collect(Step):
-    """Keep every reading until the recording ends or the time is over."""
+    """Keep every reading until the recording ends or the time is over.
+
+    The module is reset first: a replayed recording then begins again with its first row, and
+    listening begins while the module boots, so that no row is missed and none comes twice.
+    """
 
     fixed_duration_s: ClassVar[float] = 30.0
     kind: Literal["collect"]
@@ -32,7 +37,7 @@ class Collect(Step):
     """Longest time to listen."""
 
     def run(self, context: RunContext) -> None:
-        """Listen until the module says that its recording has ended.
+        """Reset the module and listen until it says that its recording has ended.
 
         Raises
         ------
@@ -40,32 +45,40 @@ class Collect(Step):
             If no set and reset reading came.
         """
         bus, module = context.bus, context.module
+        start = _QuietStart(module, context.sample_log)
+        bus.add_hook(start)
+        try:
+            module.diagnostics.reset()
+        finally:
+            bus.remove_hook(start)
         end_s = bus.now_s + self.timeout
-        context.sample_log.begin_dwell(POSITION)
         while bus.now_s < end_s and not module.status.flags & FLAG_REPLAY_ENDED:
             bus.tick()
         samples = context.sample_log.end_dwell()
-        usable = (samples["complete"] & PAIR == PAIR) & (samples["flags"] & FLAG_REPLAY_ENDED == 0)
-        context.recording = samples[usable]
-        if not len(context.recording):
+        if not np.any(samples["complete"] & PAIR == PAIR):
             message = (
                 f"module sent no set and reset readings within {self.timeout:g} s; "
                 "check its recording"
             )
             raise ModuleSilent(message)
-        context.event("collected", samples=len(context.recording))
+        context.recording = samples
+        context.event("collected", samples=len(samples))
 
 
-def recorded_data(samples: NDArray[np.void]) -> CalibrationData:
-    """Return what the fits take from samples without a rig, one row a sample.
+class _QuietStart:
+    """Begins the dwell, once, as soon as the module is quiet."""
 
-    The acceleration is left out where the module flags that it has none.
-    """
-    from bench.calibration.fit import CalibrationData
+    def __init__(self, module: Module, sample_log: SampleLog) -> None:
+        self._module = module
+        self._sample_log = sample_log
+        self._cycles = module.cycles
+        self._quiet_ticks = 0
+        self._begun = False
 
-    no_acceleration = np.any(samples["flags"] & FLAG_NO_ACCELERATION != 0)
-    with_acceleration = not no_acceleration and bool(np.isfinite(samples["accel_g"]).all())
-    return CalibrationData(
-        field_mg=np.array((samples["set_mg"] - samples["reset_mg"]) / 2.0),
-        accel_g=np.array(samples["accel_g"]) if with_acceleration else None,
-    )
+    def __call__(self) -> None:
+        """Count a tick."""
+        self._quiet_ticks = 0 if self._module.cycles != self._cycles else self._quiet_ticks + 1
+        self._cycles = self._module.cycles
+        if self._quiet_ticks >= QUIET_TICKS and not self._begun:
+            self._begun = True
+            self._sample_log.begin_dwell(POSITION)

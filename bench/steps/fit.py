@@ -54,11 +54,10 @@ class FitMethods(Step):
         context.judge(evaluate_fit(context.step_name, judged, context.station))
 
     def _data(self, context: RunContext) -> CalibrationData:
-        from bench.acceptance.site import calibration_data
-        from bench.steps.collect import recorded_data
+        from bench.acceptance.site import calibration_data, recording_data
 
         if context.recording is not None:
-            return recorded_data(context.recording)
+            return recording_data(context.recording)
         readings = context.readings_at(context.calibration_positions)
         return calibration_data(readings, context.station)
 

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from bench.pose import Attitude
 from bench.quantity import Degrees, Seconds
+from bench.steps.deviation import raw_deviation_entry
 from bench.steps.headings import DIRECTION_SIGN, Direction, Headings
 from bench.steps.step import OnMiss, PlannedPose, Step
 
@@ -67,6 +68,8 @@ class Sweep(Step):
 
         poses = self.poses()
         readings = context.visit(poses, calibrates=True)
+        deviation = raw_deviation_entry(readings, context.station)
+        context.recorder.set("deviation", {"raw": deviation})
         context.judge(evaluate_sweep(context.step_name, readings, context.poses))
 
     def measured(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from bench.quantity import Seconds
+from bench.steps.deviation import deviation_entry
 from bench.steps.headings import Ring, ring_poses
 from bench.steps.step import PlannedPose, Step
 
@@ -38,7 +39,10 @@ class Verify(Step):
         """
         from bench.acceptance.heading_evaluation import evaluate_temperature, evaluate_verification
 
-        coefficients = context.written or context.module.diagnostics.read_coefficients()
+        coefficients = context.written
+        if coefficients is None:
+            coefficients = context.module.diagnostics.read_coefficients()
+            context.recorder.set("coefficients", {"before": coefficients})
         readings = context.visit(self.poses(), verifies=True)
         samples = np.concatenate(context.verification_samples)
         context.judge(
@@ -52,6 +56,8 @@ class Verify(Step):
         else:
             context.not_available.add("temperature_change")
         context.verified = True
+        compensated = deviation_entry(readings["heading_deg"], readings, context.station)
+        context.recorder.set("deviation", {"compensated": compensated})
         self._compare_methods(context)
 
     def _compare_methods(self, context: RunContext) -> None:

@@ -138,6 +138,22 @@ def test_an_abort_code_that_nobody_knows_is_still_shown() -> None:
 def test_a_value_that_is_not_1_to_4_bytes_is_refused(length: int) -> None:
     with pytest.raises(FrameError, match=f"must be 1 to 4 bytes; instead received {length}"):
         canopen.pack_sdo_download(0x607A, 0, bytes(length))
+    with pytest.raises(FrameError, match=f"must be 1 to 4 bytes; instead received {length}"):
+        canopen.pack_sdo_uploaded(0x607A, 0, bytes(length))
+
+
+def test_a_size_that_is_not_indicated_is_four_bytes() -> None:
+    # CiA 301, 7.2.4.3.3: e = 1 and s = 0, as some drives answer
+    assert canopen.unpack_sdo_request(bytes.fromhex("227A600001020304")) == (
+        0x607A,
+        0,
+        b"\x01\x02\x03\x04",
+    )
+    assert canopen.unpack_sdo_response(1, bytes.fromhex("4264600001020304")) == (
+        0x6064,
+        0,
+        b"\x01\x02\x03\x04",
+    )
 
 
 @pytest.mark.parametrize("data", [b"", bytes(7), bytes.fromhex("6000000000000000")])

@@ -73,3 +73,8 @@ def test_two_serials_have_two_names() -> None:
     names = {j1939.pack_name(f"SN-{number:04d}") for number in range(200)}
 
     assert len(names) == 200
+
+
+def test_the_low_byte_belongs_to_the_group_from_format_240_on() -> None:
+    assert j1939.pgn_of(j1939.pdu_id(6, 0xF011, 0x80)) == 0xF011
+    assert j1939.pgn_of(j1939.pdu_id(6, 0xEF00, 0x80, 0x11)) == 0xEF00

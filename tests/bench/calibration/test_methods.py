@@ -57,7 +57,7 @@ def test_values_that_are_not_finite_are_refused_by_name_and_row(drawn: Callable[
 def test_accelerometer_alone_agrees_with_the_truth(drawn: Callable[..., Any]) -> None:
     truth = drawn(3, north_deg=0.1, east_deg=0.05)
     fit = fit_accelerometer(truth.data)
-    assert fit.accel_offset_g == pytest.approx(truth.accel_offset_g, abs=0.001)
+    assert fit.accel_offset_g == pytest.approx(truth.accel_offset_g, abs=0.003)
     assert fit.accel_matrix @ truth.accel_gain == pytest.approx(np.eye(3), abs=0.003)
     assert fit.extra["base_level_north_deg"] == pytest.approx(0.1, abs=0.03)
     assert fit.matrix.tolist() == np.eye(3).tolist()

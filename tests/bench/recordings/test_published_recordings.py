@@ -10,6 +10,7 @@ import pytest
 from bench.recording_csv import read_table
 from bench.recording_import import import_recording
 from bench.recording_presets import PRESETS
+from devices.replay import ReplaySensors
 from protocols.angles import wrap_180_deg
 
 if TYPE_CHECKING:
@@ -57,6 +58,22 @@ def test_each_reading_fits_the_modules_counts_and_comes_back(
         counts = np.rint(values / step)
         assert np.max(np.abs(counts)) <= 32767
         assert np.max(np.abs(counts * step - values)) < 1e-3 * step
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_replayed_module_sends_each_reading_as_the_file_prints_it(
+    recordings: Path, tmp_path: Path, name: str
+) -> None:
+    recording = imported(name, recordings, tmp_path / "product.csv")
+    printed = read_table(tmp_path / "product.csv").decimals(("mx", "my", "mz"))
+
+    sensors = ReplaySensors(tmp_path / "product.csv")
+    sent = [sensors.sample(0.0) for _ in range(len(recording))]
+
+    set_counts = np.array([sample[0] for sample in sent if sample is not None])
+    assert len(set_counts) == len(recording)
+    received_mg = set_counts * sensors.converters.mag_mg_per_count
+    assert np.array_equal(np.round(received_mg, printed) + 0.0, recording.field_mg + 0.0)
 
 
 def test_sunsided_keeps_the_chips_own_step_and_every_reading(

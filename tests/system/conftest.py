@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import pytest
+
 from bench.bus import BenchBus
 from bench.executor import execute
 from bench.limit_set import load_limits
@@ -19,6 +21,7 @@ from protocols.clock import SimulatedClock
 from protocols.link import Wire
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from bench.acceptance.measurement import Measurement
@@ -66,6 +69,9 @@ class ListRecorder:
     def kinds(self) -> list[str]:
         return [kind for kind, _ in self.entries]
 
+    def events(self, kind: str) -> list[object]:
+        return [content for each, content in self.entries if each == kind]
+
 
 @dataclass
 class InProcessRun:
@@ -73,6 +79,7 @@ class InProcessRun:
 
     context: RunContext
     host: Host
+    verdict: Verdict | None = None
 
     @property
     def recorder(self) -> ListRecorder:
@@ -87,7 +94,13 @@ class InProcessRun:
         return next(m.value for m in self.context.measurements if m.name == name)
 
 
-def prepare(
+@pytest.fixture(scope="session")
+def prepare() -> Callable[..., InProcessRun]:
+    """Return what makes a run of a procedure on a virtual unit, ready to be executed."""
+    return _prepare
+
+
+def _prepare(
     procedure: str | Procedure = "eol_three_axis",
     *,
     serial: str = "SN0001",
@@ -97,7 +110,6 @@ def prepare(
     replay: Path | None = None,
     nvm: Path | None = None,
 ) -> InProcessRun:
-    """Return a run of a procedure on a virtual unit, ready to be executed."""
     loaded = load_procedure(procedure) if isinstance(procedure, str) else procedure
     wire = Wire()
     options = SimulatorOptions(serial=serial, seed=seed, faults=faults, replay=replay, nvm=nvm)

@@ -1,0 +1,98 @@
+"""`compass-bench plan`: a procedure laid out, without a bus."""
+
+from __future__ import annotations
+
+import json as json_module
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from bench.limit_set import load_limits
+from bench.plan import expected_load_percent, plan_of, predictions, require_load
+from bench.procedure_loader import load_procedure, procedure_path
+from bench.station import load_station
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from bench.calibration.coverage import Prediction
+    from bench.plan import Plan
+
+
+def show_plan(
+    procedure: str, *, site: Path | None, limits: Path | None, bitrate: int, json: bool
+) -> int:
+    """Print poses, travel, time, cable, bus load and the accuracy to expect.
+
+    Raises
+    ------
+    ConfigError
+        If a file cannot be used, a limit is missing, a pose cannot be reached or the bus
+        would be too busy.
+    """
+    loaded = load_procedure(procedure)
+    beside = procedure_path(procedure).parent
+    chosen = load_limits(str(limits)) if limits else load_limits(loaded.limits, beside=beside)
+    chosen.require(loaded.measured())
+    station = load_station(str(site)) if site else load_station(loaded.station, beside=beside)
+    plan = plan_of(loaded)
+    load_percent = expected_load_percent(with_rig=loaded.uses_rig, bitrate=bitrate)
+    require_load(load_percent)
+    predicted = predictions(loaded, station)
+    if json:
+        document = asdict(plan) | {
+            "bus_load_worst_percent": load_percent,
+            "predictions": [asdict(prediction) for prediction in predicted],
+        }
+        typer.echo(json_module.dumps(document, indent=1))
+        return 0
+    _print_plan(plan, load_percent, predicted)
+    return 0
+
+
+def _print_plan(plan: Plan, load_percent: float, predicted: list[Prediction]) -> None:
+    console = Console(highlight=False)
+    table = Table("position", "step", "azimuth", "pitch", "roll", "approach", "travel", "dwell")
+    approach = {1: "clockwise", -1: "counter-clockwise", 0: ""}
+    for move in plan.moves:
+        attitude = move.attitude
+        table.add_row(
+            str(move.position),
+            move.step,
+            f"{attitude.azimuth_deg:.1f} deg",
+            f"{attitude.pitch_deg:.0f} deg",
+            f"{attitude.roll_deg:.0f} deg",
+            approach[move.direction],
+            f"{move.travel_s:.2f} s",
+            f"{move.dwell_s:.2f} s",
+        )
+    console.print(table)
+    steps = Table("step", "kind", "positions", "time")
+    for step in plan.steps:
+        steps.add_row(step.name, step.kind, str(step.poses), f"{step.duration_s:.1f} s")
+    console.print(steps)
+    console.print(
+        f"{plan.procedure} {plan.version}: {len(plan.moves)} positions, {plan.samples} samples, "
+        f"{plan.duration_s:.0f} s; cable winds from {plan.wound_low_deg:.0f} to "
+        f"{plan.wound_high_deg:.0f} deg; bus load at worst {load_percent:.0f} %",
+        soft_wrap=True,
+    )
+    if predicted:
+        console.print(_prediction_table(predicted))
+
+
+def _prediction_table(predicted: list[Prediction]) -> Table:
+    table = Table("method", "rank", "condition", "heading error to expect (rms, max)", "remark")
+    for one in predicted:
+        rms, largest = one.predicted_heading_rms_deg, one.predicted_heading_max_deg
+        table.add_row(
+            one.method,
+            "" if one.rank is None else str(one.rank),
+            "" if one.condition is None else f"{one.condition:.0f}",
+            "" if rms is None or largest is None else f"{rms:.3f} deg, {largest:.3f} deg",
+            "" if one.cause is None else one.message,
+        )
+    return table

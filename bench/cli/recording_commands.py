@@ -1,0 +1,160 @@
+"""`import` and `fit`: recordings from elsewhere."""
+
+from __future__ import annotations
+
+import json as json_module
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from bench.calibration.fit import CalibrationData
+from bench.calibration.fit_report import ALL, fit_report
+from bench.errors import ConfigError
+from bench.recording_import import ImportOptions
+from bench.recording_import import import_recording as bring
+from bench.recording_presets import PRESETS, preset
+from bench.recordings import read_recording
+from protocols.angles import wrap_360_deg
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from typing import Literal
+
+    from bench.recordings import Recording
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportRequest:
+    """Options of `import`."""
+
+    source: Path
+    target: Path
+    preset: str | None
+    columns: str | None
+    unit: str | None
+    accel: Path | None
+    accel_columns: str | None
+    accel_unit: str | None
+    skip_rows: int
+    rate_hz: float | None
+    resample: str
+
+
+def import_recording(request: ImportRequest) -> int:
+    """Write the product's CSV and say what is in it.
+
+    Raises
+    ------
+    ConfigError
+        If the file or an option cannot be used.
+    """
+    if request.preset == "list":
+        typer.echo("\n".join(PRESETS))
+        return 0
+    recording = bring(request.source, request.target, _options(request), request.accel)
+    parts = [f"{len(recording.t_s)} rows", "magnetometer"]
+    if recording.accel_g is not None:
+        parts.append("accelerometer")
+    if recording.heading_deg is not None:
+        parts.append("headings")
+    typer.echo(f"{request.target}: {', '.join(parts)}")
+    return 0
+
+
+def _options(request: ImportRequest) -> ImportOptions:
+    if request.resample not in ("nearest", "linear"):
+        message = f"--resample must be nearest or linear; instead received {request.resample!r}"
+        raise ConfigError(message)
+    options = preset(request.preset) if request.preset else ImportOptions()
+    given: dict[str, Any] = {
+        "columns": _names(request.columns),
+        "accel_columns": _names(request.accel_columns),
+        "field_unit": request.unit,
+        "accel_unit": request.accel_unit,
+        "skip_lines": request.skip_rows or None,
+        "rate_hz": request.rate_hz,
+    }
+    given = {name: value for name, value in given.items() if value is not None}
+    how = cast("Literal['linear', 'nearest']", request.resample)
+    return replace(options, resample=how, **given)
+
+
+def _names(text: str | None) -> tuple[str, ...] | None:
+    return None if text is None else tuple(name.strip() for name in text.split(","))
+
+
+def fit_recording(
+    path: Path,
+    *,
+    method: str,
+    unit: str | None,
+    holdout: str,
+    declination_deg: float,
+    json: bool,
+) -> int:
+    """Fit a recording and print the result; return 1 where no method accepted the data.
+
+    Raises
+    ------
+    ConfigError
+        If the recording or an option cannot be used.
+    """
+    data = _data(read_recording(path, unit=unit), declination_deg)
+    try:
+        report = fit_report(data, method, holdout)
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+    results = report["ranking"] if method == ALL else [report]
+    if json:
+        typer.echo(json_module.dumps(report, indent=1, allow_nan=False))
+    else:
+        _print_fits(results)
+    return int(all(result["cause"] is not None for result in results))
+
+
+def _data(recording: Recording, declination_deg: float) -> CalibrationData:
+    heading_deg = recording.heading_deg
+    if heading_deg is not None:
+        heading_deg = wrap_360_deg(heading_deg - declination_deg)
+    earth = recording.earth_ned_mg
+    return CalibrationData(
+        field_mg=recording.field_mg,
+        accel_g=recording.accel_g,
+        azimuth_deg=heading_deg,
+        pitch_deg=recording.pitch_deg,
+        roll_deg=recording.roll_deg,
+        station_field_mg=None if earth is None else np.asarray(earth.mean(axis=0)),
+    )
+
+
+def _print_fits(results: list[dict[str, Any]]) -> None:
+    console = Console(highlight=False)
+    console.width = max(console.width, 110)
+    table = Table(
+        "method", "samples", "residual (mG)", "coverage", "heading error after (rms, max)", "remark"
+    )
+    for result in results:
+        after = (result.get("heading_error_deg") or {}).get("after")
+        table.add_row(
+            result["method"],
+            str(result["samples"]),
+            _text(result["residual_rms"]),
+            _text(result["coverage"]),
+            f"{after['rms']:.2f} deg, {after['max']:.2f} deg" if after else "",
+            ""
+            if result["cause"] is None
+            else f"refused: {result.get('message') or result['cause']}",
+        )
+    console.print(table)
+    for result in results:
+        if result["cause"] is None and len(results) == 1:
+            console.print(f"offset (mG)  {np.round(result['offset'], 3).tolist()}")
+            console.print(f"matrix       {np.round(result['matrix'], 6).tolist()}")
+
+
+def _text(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"

@@ -1,0 +1,242 @@
+"""The main job, in one process, over a Wire."""
+
+from __future__ import annotations
+
+import signal
+from typing import TYPE_CHECKING
+
+import pytest
+
+from bench.acceptance.outcome import Outcome
+from bench.procedure_loader import load_procedure
+
+if TYPE_CHECKING:
+    from bench.acceptance.measurement import Measurement
+    from bench.progress import RunState
+
+
+class Interruption:
+    """Raises signals in this process when the run has reached given positions."""
+
+    def __init__(self, positions: tuple[int, ...], number: int) -> None:
+        self.positions = positions
+        self.number = number
+
+    def position_reached(self, state: RunState) -> None:
+        if state.position in self.positions:
+            signal.raise_signal(self.number)
+
+    def step_started(self, state: RunState) -> None: ...
+
+    def measured(self, measurement: Measurement) -> None: ...
+
+    def step_ended(self, state: RunState, outcome: Outcome) -> None: ...
+
+
+def parked(run) -> bool:
+    attitude = run.context.rig.attitude
+    angles = (attitude.azimuth_deg, attitude.pitch_deg, attitude.roll_deg)
+    return all(abs(angle) < 0.1 for angle in angles)
+
+
+@pytest.fixture(scope="module")
+def good_run(prepare):
+    run = prepare()
+    run.verdict = run.execute()
+    return run
+
+
+@pytest.fixture
+def released():
+    """Return what makes the main procedure for another released firmware version."""
+
+    def make(version: str):
+        procedure = load_procedure("eol_three_axis")
+        steps = [
+            step.model_copy(update={"firmware": (version,)}) if step.kind == "identify" else step
+            for step in procedure.steps
+        ]
+        return procedure.model_copy(update={"steps": steps})
+
+    return make
+
+
+def test_a_good_unit_passes_and_its_rig_is_parked(good_run):
+    assert good_run.verdict.outcome is Outcome.PASS, good_run.verdict.reason
+    assert good_run.verdict.first_failure is None
+    assert parked(good_run)
+
+
+def test_a_good_unit_has_an_error_that_is_small_and_not_zero(good_run):
+    assert 0.01 < good_run.value("level_max") < 0.5
+    assert 0.01 < good_run.value("tilt_max") < 0.8
+    assert 0.0 < good_run.value("bench_against_module") < 0.02
+
+
+def test_every_declared_measurement_is_judged_in_the_order_of_the_steps(good_run):
+    procedure = good_run.context.procedure
+    names = [measurement.name for measurement in good_run.context.measurements]
+
+    assert set(procedure.measured()) <= set(names)
+    order = [step.name for step in procedure.walk()]
+    steps = [order.index(measurement.step) for measurement in good_run.context.measurements]
+    assert steps == sorted(steps)
+
+
+def test_acceptance_shares_no_pose_with_the_calibration(good_run):
+    context = good_run.context
+    attitude = {pose.position: pose.attitude for pose in context.poses}
+
+    calibration = {attitude[position] for position in context.calibration_positions}
+    verification = {attitude[position] for position in context.verification_positions}
+
+    assert not calibration & verification
+    assert len(verification) == 48
+    assert len([a for a in verification if a.pitch_deg == a.roll_deg == 0.0]) == 24
+
+
+def test_the_written_coefficients_are_what_the_module_holds_after_the_run(good_run):
+    coefficients = good_run.recorder.sections["coefficients"]
+    held = good_run.context.module.diagnostics.read_coefficients()
+
+    assert coefficients["read_back_equal"] is True
+    assert held == coefficients["written"]
+
+
+def test_the_truth_aided_method_comes_first_in_the_ranking(good_run):
+    assert good_run.recorder.sections["ranking"][0] == "truth_aided"
+
+
+def test_the_plan_foretells_the_time_of_the_run_within_a_tenth(good_run):
+    elapsed_s = good_run.context.bus.now_s
+
+    assert elapsed_s == pytest.approx(good_run.context.expected_s, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("fault", "first"),
+    [
+        ("dead_strap_y", "set_reset_amplitude_y"),
+        ("stuck_axis_z", "set_reset_amplitude_z"),
+        ("inverted_axis_x", "axis_sense_x"),
+        ("swapped_axes", "axis_sense_x"),
+        ("saturated_axis", "peak_reading"),
+        ("accel_sign_z", "accel_sense_z"),
+    ],
+)
+def test_a_broken_sensor_fails_before_coefficients_are_written(prepare, fault, first):
+    run = prepare(faults=(fault,))
+
+    verdict = run.execute()
+
+    assert verdict.outcome is Outcome.FAIL
+    assert verdict.first_failure == first
+    assert "coefficients" not in run.recorder.sections
+    assert parked(run)
+
+
+def test_a_lost_write_fails_by_the_read_back_and_keeps_the_old_coefficients(prepare):
+    run = prepare(faults=("lost_write",))
+
+    verdict = run.execute()
+
+    assert (verdict.outcome, verdict.first_failure) == (Outcome.FAIL, "read_back")
+    held = run.context.module.diagnostics.read_coefficients()
+    assert held == run.recorder.sections["coefficients"]["before"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "first"),
+    [("module_silent", "module_silent"), ("axis_stalled_pitch@5000", "rig_fault")],
+)
+def test_a_fault_of_the_bench_is_an_error_with_its_name(prepare, fault, first):
+    run = prepare(faults=(fault,))
+
+    verdict = run.execute()
+
+    assert (verdict.outcome, verdict.first_failure) == (Outcome.ERROR, first)
+    assert run.recorder.verdict == verdict
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_parks_the_rig_and_closes_the_record(prepare, number):
+    run = prepare()
+    run.context.progress = Interruption((20,), number)
+    before = signal.getsignal(number)
+
+    verdict = run.execute()
+
+    assert verdict.outcome is Outcome.ABORTED
+    assert len(run.context.poses) == 20
+    assert run.context.bus.cancel.signal_number == number
+    assert parked(run)
+    assert run.recorder.verdict == verdict
+    assert signal.getsignal(number) is before
+
+
+def test_a_signal_between_write_and_verdict_restores_the_coefficients(prepare):
+    run = prepare()
+    run.context.progress = Interruption((100,), signal.SIGTERM)
+
+    verdict = run.execute()
+
+    assert verdict.outcome is Outcome.ABORTED
+    assert run.context.written is not None
+    with run.context.bus.cancel.shielded():
+        held = run.context.module.diagnostics.read_coefficients()
+    assert held == run.context.before
+    assert run.recorder.events("coefficients_restored")
+    assert parked(run)
+
+
+def test_another_serial_than_the_scanned_one_is_an_error_and_nothing_moves(prepare):
+    run = prepare(scanned="SN0002")
+
+    verdict = run.execute()
+
+    assert (verdict.outcome, verdict.first_failure) == (Outcome.ERROR, "serial_match")
+    assert run.context.poses == []
+
+
+def test_another_firmware_than_the_released_one_fails_the_unit(prepare, released):
+    run = prepare(released("9.9.9"))
+
+    verdict = run.execute()
+
+    assert (verdict.outcome, verdict.first_failure) == (Outcome.FAIL, "firmware_version")
+
+
+def test_two_runs_with_one_seed_measure_the_same(prepare):
+    values = []
+    for _ in range(2):
+        run = prepare("set_reset")
+        assert run.execute().outcome is Outcome.PASS
+        values.append([(m.name, m.value) for m in run.context.measurements])
+
+    assert values[0] == values[1]
+
+
+def test_another_serial_is_another_unit(prepare):
+    first, second = prepare("set_reset"), prepare("set_reset", serial="SN0002")
+    first.execute()
+    second.execute()
+
+    assert first.value("bridge_offset_x") != second.value("bridge_offset_x")
+
+
+def test_an_uncalibrated_unit_fails_the_acceptance_swing_by_tens_of_degrees(prepare):
+    run = prepare("acceptance_swing")
+
+    verdict = run.execute()
+
+    assert (verdict.outcome, verdict.first_failure) == (Outcome.FAIL, "level_max")
+    assert run.value("level_max") > 10.0
+    assert "temperature_change" not in {m.name for m in run.context.measurements}
+
+
+def test_min_max_passes_a_good_unit_and_writes_nothing(prepare):
+    run = prepare("min_max")
+
+    assert run.execute().outcome is Outcome.PASS
+    assert "coefficients" not in run.recorder.sections
+    assert run.recorder.sections["deviation"]["raw"]["words"]
