@@ -118,6 +118,7 @@ class CoefficientTransaction:
 
     def _restore(self) -> None:
         before = self._before
+        self._diagnostics.recover()
         if before is None or self._diagnostics.read_coefficients() == before:
             return
         if self._stage(uds.pack_coefficients(before)):

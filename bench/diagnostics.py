@@ -171,6 +171,11 @@ class Diagnostics:
         """Reset the module (service 11h) and wait until it sends again."""
         with self._service("the reset"):
             self._client.ecu_reset(_HARD_RESET)
+        self.recover(timeout_s)
+
+    def recover(self, timeout_s: float = READY_TIMEOUT_S) -> None:
+        """Wait until the module sends again after a reset, an interrupted one too."""
+        self._channel.clear()
         self._extended = False
         self._module.expect_silence()
         self._module.wait_ready(timeout_s)

@@ -25,8 +25,6 @@ LOAD_LIMIT_PERCENT: Final = 70.0
 SAMPLES_PER_S: Final = 100.0
 BITRATE: Final = 500_000
 STANDARD_LENGTH: Final = 8
-HANDSHAKE_S: Final = 0.2
-"""Set-point hand-shake and the drive's own position window, for each move."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,9 +134,7 @@ def _move(position: int, step: Step, pose: PlannedPose, present: Attitude) -> Pl
         attitude=pose.attitude,
         direction=pose.direction,
         azimuth_wound_deg=path[-1],
-        travel_s=travel_time_s(present, pose.attitude, direction, RIG_PROFILE)
-        + SETTLE_S
-        + HANDSHAKE_S,
+        travel_s=travel_time_s(present, pose.attitude, direction, RIG_PROFILE) + SETTLE_S,
         dwell_s=pose.dwell_s,
     )
 

@@ -166,10 +166,11 @@ def _split(line: str, delimiter: str | None) -> tuple[str, ...]:
 
 
 def _header(path: Path, line: int, cells: tuple[str, ...]) -> tuple[str, ...]:
-    if any(np.isfinite(_number(cell)) for cell in cells):
+    number = next((cell for cell in cells if np.isfinite(_number(cell))), None)
+    if number is not None:
         message = (
             f"{path}:{line}: the first line must name the columns; instead received "
-            f"{cells[0]!r}: skip lines that are neither, or name the columns yourself"
+            f"{number!r}: skip lines that are neither, or name the columns yourself"
         )
         raise ConfigError(message)
     twice = next((name for name in cells if cells.count(name) > 1), None)

@@ -114,7 +114,9 @@ def iterate_samples(path: Path) -> Iterator[NDArray[np.void]]:
         with ParquetFile(path) as file:
             missing = sorted(columns.keys() - set(file.schema_arrow.names))
             if missing:
-                message = f"samples {path} must have the column {missing[0]}; instead received others"
+                message = (
+                    f"samples {path} must have the column {missing[0]}; instead received others"
+                )
                 raise ConfigError(message)
             for batch in file.iter_batches(batch_size=BATCH_ROWS, columns=list(columns)):
                 samples = np.zeros(batch.num_rows, dtype=SAMPLE)

@@ -158,10 +158,14 @@ def _log_events(recording: rr.RecordingStream, path: Path) -> None:
         _set_time(recording, float(event.get("t_s") or 0.0))
         outcome = event.get("outcome")
         level = "ERROR" if outcome in {"FAIL", "ERROR", "ABORTED"} else "INFO"
-        details = {k: v for k, v in event.items() if k not in {"kind", "t_s", "at_utc", "wall_utc"}}
+        details = {
+            k: v
+            for k, v in event.items()
+            if k not in {"event", "seq", "t_s", "wall_utc", "covariance"}
+        }
         text = ", ".join(f"{key} {_plain(value)}" for key, value in details.items())
         recording.log(
-            f"{entities.PROCEDURE}/log", rr.TextLog(f"{event.get('kind')}: {text}", level=level)
+            f"{entities.PROCEDURE}/log", rr.TextLog(f"{event.get('event')}: {text}", level=level)
         )
 
 

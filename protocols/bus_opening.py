@@ -6,19 +6,55 @@ import difflib
 import errno
 import logging
 import socket
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import can
 from can.interfaces import BACKENDS
 
+from protocols.bus_port import BusPort, hears_itself
 from protocols.errors import LinkError
 from protocols.lockstep import LockstepBus
+from protocols.multicast_port import DEFAULT_GROUP, DEFAULT_PORT, MulticastPort, is_multicast_group
+from protocols.socketcan_port import SocketCanPort
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-_UDP_GROUP: Final = "239.74.163.2"
-"""python-can's IPv4 group: machines without IPv6 have it too."""
+    from protocols.link_faults import FaultCounter
+    from protocols.pycan_link import Port
+
+
+def open_port(
+    interface: str,
+    channel: str | int | None,
+    bitrate: int,
+    bus_kwargs: Mapping[str, Any],
+    faults: FaultCounter,
+) -> Port:
+    """Return the raw side of a link on a channel.
+
+    `udp_multicast` on an IPv4 group stays on this machine unless a `hop_limit` is given.
+
+    Raises
+    ------
+    LinkError
+        As `open_bus`.
+    """
+    local = interface == "udp_multicast" and "hop_limit" not in bus_kwargs
+    if local and is_multicast_group(channel):
+        group = DEFAULT_GROUP if channel is None else str(channel)
+        try:
+            return MulticastPort(group, faults, bus_kwargs.get("port", DEFAULT_PORT))
+        except OSError as error:
+            raise LinkError(_cannot_open(interface, group, error)) from error
+    return port_on(open_bus(interface, channel, bitrate, bus_kwargs), interface, faults)
+
+
+def port_on(bus: can.BusABC, interface: str, faults: FaultCounter) -> Port:
+    """Return the raw side of a link on a bus that is open already."""
+    if interface == "socketcan":
+        return SocketCanPort(bus, faults)
+    return BusPort(bus, faults, echoes=hears_itself(bus, interface))
 
 
 def open_bus(
@@ -40,7 +76,6 @@ def open_bus(
     if interface == "udp_multicast":
         # this machine only: other machines' benches share the group's default address
         kwargs = {"hop_limit": 0, "fd": False, **kwargs}
-        channel = _UDP_GROUP if channel is None else channel
     try:
         if interface == "socketcan" and channel is not None:
             _require_channel(str(channel))

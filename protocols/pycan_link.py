@@ -66,6 +66,11 @@ class PyCanLink:
     **bus_kwargs
         Passed to `can.Bus`.
 
+    Attributes
+    ----------
+    clock : Clock
+        May be replaced: a bench in lock-step stamps frames with simulated time.
+
     Raises
     ------
     LinkError
@@ -81,10 +86,11 @@ class PyCanLink:
         clock: Clock | None = None,
         **bus_kwargs: Any,
     ) -> None:
-        from protocols.bus_opening import open_bus
+        from protocols.bus_opening import open_port
 
-        bus = open_bus(interface, channel, bitrate, bus_kwargs)
-        self._start(bus, interface, str(channel), clock)
+        faults = FaultCounter(str(channel))
+        port = open_port(interface, channel, bitrate, bus_kwargs, faults)
+        self._start(port, faults, interface, str(channel), clock)
 
     @classmethod
     def on_bus(
@@ -95,16 +101,22 @@ class PyCanLink:
         `interface` is python-can's name of the bus's interface, found from its module if
         not given.
         """
+        from protocols.bus_opening import port_on
+
         link = cls.__new__(cls)
-        link._start(bus, interface or _interface_of(bus), bus.channel_info, clock)  # noqa: SLF001
+        name, channel = interface or _interface_of(bus), bus.channel_info
+        faults = FaultCounter(channel)
+        link._start(port_on(bus, name, faults), faults, name, channel, clock)  # noqa: SLF001
         return link
 
-    def _start(self, bus: can.BusABC, interface: str, channel: str, clock: Clock | None) -> None:
+    def _start(
+        self, port: Port, faults: FaultCounter, interface: str, channel: str, clock: Clock | None
+    ) -> None:
         self.interface = interface
         self.channel = channel
-        self._clock = clock if clock is not None else MonotonicClock()
-        self._faults = FaultCounter(channel)
-        self._port = _port_on(bus, interface, self._faults)
+        self.clock: Clock = clock if clock is not None else MonotonicClock()
+        self._faults = faults
+        self._port = port
         self._queue: deque[Frame] = deque()
         self._reading = threading.Lock()
         self._failure: LinkError | None = None
@@ -196,7 +208,7 @@ class PyCanLink:
         except OSError as error:
             self._failure = LinkError(self._sentence("cannot be read", error))
             raise self._failure from error
-        return None if received is None else Frame(self._clock.now_ns(), *received)
+        return None if received is None else Frame(self.clock.now_ns(), *received)
 
     def _read(self) -> None:
         while not self._closing.wait(READER_PERIOD_S):
@@ -237,13 +249,3 @@ def _interface_of(bus: can.BusABC) -> str:
     from protocols.bus_port import interface_of
 
     return interface_of(bus, BACKENDS.items())
-
-
-def _port_on(bus: can.BusABC, interface: str, faults: FaultCounter) -> Port:
-    if interface == "socketcan":
-        from protocols.socketcan_port import SocketCanPort
-
-        return SocketCanPort(bus, faults)
-    from protocols.bus_port import BusPort, hears_itself
-
-    return BusPort(bus, faults, echoes=hears_itself(bus, interface))

@@ -19,6 +19,9 @@ def _of_axes(name: str, unit: str, meaning: str) -> dict[str, MeasurementKind]:
     return {f"{name}_{axis}": MeasurementKind(unit, meaning.format(axis=axis)) for axis in "xyz"}
 
 
+CHECKS: Final = frozenset({"serial_match", "firmware_version", "fit_accepted", "read_back"})
+"""Measurements that are 1 (yes) or 0 (no)."""
+
 MEASUREMENTS: Final[dict[str, MeasurementKind]] = {
     "frames_lost": MeasurementKind("frames", "Frames missed by E2E counters or link", False),
     "bus_load": MeasurementKind("%", "Bus load at worst-case bit stuffing", False),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
+from bench.acceptance.catalogue import CHECKS
 from bench.acceptance.outcome import Outcome, worst
 from bench.errors import ConfigError
 
@@ -145,6 +146,9 @@ def sentence_of(measurement: Measurement) -> str:
     limit = measurement.limit
     if limit is None or value != value:  # noqa: PLR0124
         return f"{name} could not be measured" if value != value else f"{name} {value:.4g}{unit}"  # noqa: PLR0124
+    if name in CHECKS and value == 0.0:
+        note = f" ({measurement.note})" if measurement.note else ""
+        return f"{name} was not met{note}"
     if limit.high is not None and value > limit.high:
         return f"{name} {value:.4g}{unit} is above {limit.high:.4g}{unit}"
     if limit.low is not None and value < limit.low:

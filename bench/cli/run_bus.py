@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from bench.cli.run_command import RunRequest
     from bench.station import Station
-    from protocols.link import Link
+    from protocols.pycan_link import PyCanLink
 
 
 @dataclass(slots=True, kw_only=True)
@@ -77,7 +77,8 @@ def _with_virtual_devices(request: RunRequest, serial: str, station: Station) ->
     except (ValueError, OSError) as error:
         raise ConfigError(str(error)) from error
     wire.add_server(host.serve)
-    bus = BenchBus(link, clock, bitrate=request.bitrate)
+    mode = detect_mode(link, clock)  # as across processes, so that both give the same frames
+    bus = BenchBus(link, clock, mode=mode, bitrate=request.bitrate)
     return RunBus(bus=bus, clock=clock, virtual=True, closers=[device_link.close])
 
 
@@ -95,7 +96,7 @@ def _on_channel(request: RunRequest) -> RunBus:
             raise ConfigError(message)
     wall = MonotonicClock()
     link = open_link(request.interface, request.channel, request.bitrate, wall)
-    rig_link: Link | None = None
+    rig_link: PyCanLink | None = None
     if request.rig_interface or request.rig_channel:
         rig_link = open_link(
             request.rig_interface or request.interface, request.rig_channel, request.bitrate, wall
@@ -107,7 +108,11 @@ def _on_channel(request: RunRequest) -> RunBus:
         if rig_link is not None:
             rig_link.close()
         raise
-    clock = SimulatedClock() if mode == "lockstep" else wall
+    clock: SimulatedClock | MonotonicClock = wall
+    if mode == "lockstep":
+        link.clock = clock = SimulatedClock()
+        if rig_link is not None:
+            rig_link.clock = clock
     bus = BenchBus(link, clock, mode=mode, rig_link=rig_link, bitrate=request.bitrate)
     return RunBus(bus=bus, clock=clock, virtual=False)
 

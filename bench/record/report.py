@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from bench.acceptance.catalogue import MEASUREMENTS
+from bench.acceptance.catalogue import CHECKS, MEASUREMENTS
 from bench.acceptance.outcome import Outcome
 from bench.acceptance.verdict import last_attempts
 from bench.record.charts import Band, heading_error_chart, limit_bar, xy_chart
@@ -69,7 +69,7 @@ def report_of(run_dir: Path, record: Mapping[str, Any]) -> str:
         number=number,
         limits=limits_text,
         distance=distance,
-        bar=limit_bar,
+        bar=_bar,
         words=words,
         when=when,
         value=value_text,
@@ -179,6 +179,8 @@ def number(value: float | None, digits: int = 3) -> str:
 def limits_text(row: Mapping[str, Any]) -> str:
     """Return the limits of a row in words."""
     low, high = row["low"], row["high"]
+    if row["name"] in CHECKS:
+        return "yes" if low is not None else ""
     unit = f" {row['unit']}" if row["unit"] else ""
     if low is not None and high is not None:
         if low == high:
@@ -192,20 +194,28 @@ def limits_text(row: Mapping[str, Any]) -> str:
 def distance(row: Mapping[str, Any]) -> str:
     """Return how far a value lies inside or outside its nearest limit."""
     value, low, high = row["value"], row["low"], row["high"]
-    if value is None or (low is None and high is None) or low == high:
+    if value is None or (low is None and high is None) or row["name"] in CHECKS:
         return ""
     rooms = [high - value] if high is not None else []
     rooms += [value - low] if low is not None else []
     room = min(rooms)
+    if room == 0.0:
+        return "at the limit" if row["uncertainty"] else ""
     unit = f" {row['unit']}" if row["unit"] else ""
     where = "inside" if room >= 0.0 else "outside"
     return f"{rounded(abs(room), row['uncertainty'])}{unit} {where}"
+
+
+def _bar(row: Mapping[str, Any]) -> str:
+    return "" if row["name"] in CHECKS else limit_bar(row)
 
 
 def value_text(row: Mapping[str, Any]) -> str:
     """Return a row's value with its unit, to the second digit of its uncertainty (GUM 7.2.6)."""
     if row["value"] is None:
         return "not measured"
+    if row["name"] in CHECKS:
+        return "yes" if row["value"] == 1.0 else "no"
     unit = f" {row['unit']}" if row["unit"] else ""
     return f"{rounded(row['value'], row['uncertainty'])}{unit}"
 
@@ -214,7 +224,7 @@ def rounded(value: float, uncertainty: float | None) -> str:
     """Return a value to the second digit of its uncertainty, without one to three digits.
 
     >>> rounded(0.09681, 0.08), rounded(2.7e-5, 0.5), rounded(578.117, 2.0), rounded(1.0, 0.0)
-    ('0.097', '0.0', '578.1', '1')
+    ('0.097', '0.00', '578.1', '1')
     """
     if not uncertainty:
         return f"{value:.0f}" if value == round(value) else number(value)

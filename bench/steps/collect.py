@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
-import numpy as np
-
 from bench.errors import ModuleSilent
 from bench.quantity import Seconds
 from bench.steps.step import Step
@@ -55,7 +53,7 @@ class Collect(Step):
         while bus.now_s < end_s and not module.status.flags & FLAG_REPLAY_ENDED:
             bus.tick()
         samples = context.sample_log.end_dwell()
-        if not np.any(samples["complete"] & PAIR == PAIR):
+        if not (samples["complete"] & PAIR == PAIR).any():
             message = (
                 f"module sent no set and reset readings within {self.timeout:g} s; "
                 "check its recording"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
 from pydantic import Field
 
 from bench.quantity import Seconds
@@ -37,6 +36,8 @@ class Verify(Step):
         RigFault, ModuleSilent
             If a pose is not reached or the module stops sending.
         """
+        import numpy as np
+
         from bench.acceptance.heading_evaluation import evaluate_temperature, evaluate_verification
 
         coefficients = context.written

@@ -62,7 +62,9 @@ class SyntheticUnit:
     """
 
     gain: NDArray[np.float64] = field(
-        default_factory=lambda: np.array([[1.1, 0.08, -0.05], [0.06, 0.9, 0.04], [-0.03, 0.05, 1.0]])
+        default_factory=lambda: np.array(
+            [[1.1, 0.08, -0.05], [0.06, 0.9, 0.04], [-0.03, 0.05, 1.0]]
+        )
     )
     hard_iron_mg: NDArray[np.float64] = field(default_factory=lambda: np.array([90.0, -60.0, 40.0]))
     bridge_offset_mg: NDArray[np.float64] = field(
@@ -73,7 +75,9 @@ class SyntheticUnit:
     repeatability_mg: float = 0.3
     flip: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
     accel_gain: NDArray[np.float64] = field(
-        default_factory=lambda: np.array([[1.01, 0.01, 0.0], [-0.01, 0.99, 0.005], [0.0, 0.01, 1.0]])
+        default_factory=lambda: np.array(
+            [[1.01, 0.01, 0.0], [-0.01, 0.99, 0.005], [0.0, 0.01, 1.0]]
+        )
     )
     accel_bias_g: NDArray[np.float64] = field(default_factory=lambda: np.array([0.02, -0.03, 0.01]))
     coefficients: Coefficients = DEFAULT_COEFFICIENTS
@@ -113,7 +117,12 @@ class SyntheticUnit:
 
 
 def ring(
-    first: int, step: str, azimuths: list[float], pitch: float = 0.0, roll: float = 0.0, turn: int = 0
+    first: int,
+    step: str,
+    azimuths: list[float],
+    pitch: float = 0.0,
+    roll: float = 0.0,
+    turn: int = 0,
 ) -> list[Pose]:
     """Return poses of one ring, counted from `first`."""
     return [
@@ -262,9 +271,14 @@ class SyntheticRun:
         set_ = self.recorder.set
         set_("software", {"version": "0.1.0", "python": "3.11", "sha256": "5" * 64})
         set_("config", {"limits_id": "eol", "limits_version": "1.0", "limits_sha256": "a" * 64})
-        set_("bus", {"interface": "lockstep", "channel": "bench", "mode": "lockstep", "frames": 9e4})
+        set_(
+            "bus", {"interface": "lockstep", "channel": "bench", "mode": "lockstep", "frames": 9e4}
+        )
         set_("bus", {"frames": 90210, "lost": 0})
-        set_("module", {"serial": "SN0001", "part": "CB-AMR3", "hardware": "1.0", "firmware": "1.0.0"})
+        set_(
+            "module",
+            {"serial": "SN0001", "part": "CB-AMR3", "hardware": "1.0", "firmware": "1.0.0"},
+        )
         set_("station", {"name": "default", **vars(SITE), "u_field_azimuth_deg": 0.05})
         self._step("bus", "check_bus")
         self.clock.advance(500_000_000)
@@ -327,7 +341,9 @@ class SyntheticRun:
         self._end("returns", evaluate_returns("returns", rows, self.poses["returns"], SITE))
 
     def _deviation(self, readings: NDArray[np.void]) -> None:
-        raw_deg = np.rad2deg(np.arctan2(-self.sweep["field_mg"][:, 1], self.sweep["field_mg"][:, 0]))
+        raw_deg = np.rad2deg(
+            np.arctan2(-self.sweep["field_mg"][:, 1], self.sweep["field_mg"][:, 0])
+        )
         rows = {
             "raw": exact_deviation(raw_deg, self.sweep["rig_azimuth_deg"] - 1.25),
             "compensated": exact_deviation(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 
 import pytest
@@ -149,10 +150,8 @@ def test_power_lost_at_any_byte_leaves_the_old_or_the_new(former):
     seen = []
     for budget in range(whole.used + 1):
         medium = TornMedium(reopened_image, budget)
-        try:
+        with contextlib.suppress(PowerLost):
             write(CoefficientStore(medium=medium), NEW)
-        except PowerLost:
-            pass
         store = reopened(medium.read())
         assert store.active in (former, NEW), f"a mixture after {budget} bytes"
         assert not store.lost

@@ -334,15 +334,13 @@ def test_udsoncans_client_reads_the_serial(booted):
         def specific_wait_frame(self, timeout=None):
             for _ in range(50):
                 transport.process()
-                for frame in booted.tick():
-                    if frame.can_id == response_id:
-                        inbox.append(
-                            isotp.CanMessage(
-                                arbitration_id=response_id & 0x1FFFFFFF,
-                                data=frame.data,
-                                extended_id=True,
-                            )
-                        )
+                inbox.extend(
+                    isotp.CanMessage(
+                        arbitration_id=response_id & 0x1FFFFFFF, data=frame.data, extended_id=True
+                    )
+                    for frame in booted.tick()
+                    if frame.can_id == response_id
+                )
                 transport.process()
                 if transport.available():
                     return bytes(transport.recv())

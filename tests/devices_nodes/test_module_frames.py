@@ -64,7 +64,7 @@ def test_the_status_of_an_uncalibrated_module_says_so(booted):
 
 
 def test_the_bearing_for_other_tools_is_the_own_heading(booted):
-    frames = [f for f in booted.tick(10)]
+    frames = booted.tick(10)
     bearing = int.from_bytes(of(frames, compass.vehicle_direction_id(0x80))[0][:2], "little") / 128
     headings = [
         compass.unpack_heading(data).heading * compass.HEADING_DEG_PER_COUNT

@@ -79,9 +79,7 @@ def test_pairs_are_flagged_as_synthesised_and_the_end_is_told(replaying):
 
 def test_the_end_is_not_told_before_the_last_row_was_sent(tmp_path):
     sensors = ReplaySensors(recording(tmp_path))
-    told = []
-    for _ in range(4):
-        told.append((sensors.sample(0.0) is not None, bool(sensors.flags & 0x08)))
+    told = [(sensors.sample(0.0) is not None, bool(sensors.flags & 0x08)) for _ in range(4)]
 
     assert told == [(True, False), (True, False), (True, False), (False, True)]
 

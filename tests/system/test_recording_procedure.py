@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from bench.acceptance.outcome import Outcome
 
 RESOLUTION_MG = 0.5

@@ -170,7 +170,9 @@ def test_single_visits_give_nothing(perfect, site, poses_of_run):
     assert evaluate_returns("r", readings, poses, site) == []
 
 
-def test_closing_error_of_good_units_stays_within_its_standard_deviation(site, make_unit, poses_of_run):
+def test_closing_error_of_good_units_stays_within_its_standard_deviation(
+    site, make_unit, poses_of_run
+):
     """Repeatability of 0.32 mG at 250 mG is 0.073 deg: halves of 4 x 4 visits have 0.037."""
     poses = poses_of_run["returns"]
     found = []

@@ -102,9 +102,10 @@ def test_an_edited_value_in_the_record_does_not_deceive(good_run):
 
 def test_edited_samples_are_judged_as_they_are(good_run):
     samples = read_samples(good_run / "samples.parquet")
-    verified = samples["position"] == json.loads((good_run / "record.json").read_text())["poses"][
-        100
-    ]["position"]
+    verified = (
+        samples["position"]
+        == json.loads((good_run / "record.json").read_text())["poses"][100]["position"]
+    )
     samples["heading_deg"][verified] = np.mod(samples["heading_deg"][verified] + 5.0, 360.0)
     (good_run / "samples.parquet").unlink()
     file = SampleFile(good_run / "samples.parquet", {})

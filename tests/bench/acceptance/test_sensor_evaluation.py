@@ -184,7 +184,9 @@ def test_return_to_start_compares_the_last_reading_with_the_first(make_unit, pos
     readings = readings_of(make_unit(noise_mg=0.0, repeatability_mg=0.0).samples(poses))
     readings["field_mg"][-1, 2] -= 1.75
 
-    assert values(evaluate_sweep("sweep", readings, poses))["return_to_start"] == pytest.approx(1.75)
+    assert values(evaluate_sweep("sweep", readings, poses))["return_to_start"] == pytest.approx(
+        1.75
+    )
 
 
 def test_a_sweep_in_one_direction_has_no_hysteresis(unit, poses_of_run):

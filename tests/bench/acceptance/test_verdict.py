@@ -132,6 +132,13 @@ def test_a_limit_in_another_unit_is_a_configuration_error():
         judge_measurement(row, {"noise_x": Limit(name="noise_x", unit="uT", high=1.0)})
 
 
+def test_a_check_that_is_not_met_says_what_was_found():
+    limit = Limit(name="serial_match", unit="", low=1.0)
+    row = Measurement(name="serial_match", value=0.0, step="s", note="module says SN2")
+
+    assert sentence_of(row.judged(limit)) == "serial_match was not met (module says SN2)"
+
+
 def test_a_measurement_without_a_limit_informs():
     row = judge_measurement(Measurement(name="a", value=9.0, step="s"), {})
 

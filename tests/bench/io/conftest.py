@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import pytest
 
 from bench.bus import BenchBus
 from bench.module import Module
 from bench.rig import Rig
-from devices.host import Host
 from devices.simulator import SimulatorOptions, build_host
 from protocols.clock import SimulatedClock
-from protocols.frame import Frame
 from protocols.link import Wire
 from protocols.sync import SYNC_ID, TICK_DONE_ID, pack_tick_done
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from devices.host import Host
+    from protocols.frame import Frame
 
 
 class Echo:

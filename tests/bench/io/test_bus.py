@@ -258,3 +258,46 @@ def test_given_a_clock_of_the_other_mode_then_the_bus_refuses_it(wire):
         BenchBus(wire.attach(), SimulatedClock(), mode="free")
     with pytest.raises(ValueError, match="mode lockstep cannot run on a MonotonicClock"):
         BenchBus(wire.attach(), MonotonicClock())
+
+
+class SilentLink:
+    """A link on which nobody speaks; counts how often it was waited for."""
+
+    def __init__(self) -> None:
+        self.waits = 0
+
+    def send(self, can_id: int, data: bytes) -> None:
+        pass
+
+    def poll(self) -> Frame | None:
+        return None
+
+    def wait(self, timeout_s: float) -> Frame | None:
+        del timeout_s
+        self.waits += 1
+
+    def close(self) -> None:
+        pass
+
+
+def test_given_a_dead_simulator_then_teardown_does_not_wait_the_whole_time_again():
+    link = SilentLink()
+    bus = BenchBus(link, SimulatedClock())
+    with pytest.raises(BusFault):
+        bus.tick()
+    waited = link.waits
+    with pytest.raises(BusFault):
+        bus.tick()
+
+    assert waited == 50
+    assert link.waits == waited + 1
+
+
+def test_given_a_signal_while_the_simulator_hangs_then_aborted_at_once():
+    link = SilentLink()
+    bus = BenchBus(link, SimulatedClock())
+    link.send = lambda *_: bus.cancel.request(2)
+    with pytest.raises(Aborted):
+        bus.tick()
+
+    assert link.waits == 1

@@ -75,7 +75,7 @@ def test_the_self_test_announces_itself_and_passes(diagnostics, station):
 def test_trouble_codes_are_read_and_cleared(diagnostics):
     assert diagnostics.read_dtcs() == []
     diagnostics.unlock()
-    diagnostics.write_did(uds.DID_SET_RESET, (100).to_bytes(2, "big") + b"\x01")
+    diagnostics.write_did(uds.DID_SET_RESET, (10).to_bytes(2, "big") + b"\x01")
     assert [code for code, _ in diagnostics.read_dtcs()] == [uds.DTC_STRAP]
     diagnostics.clear_dtcs()
     assert diagnostics.read_dtcs() == []

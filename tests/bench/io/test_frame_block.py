@@ -10,7 +10,11 @@ from protocols.sync import TICK_DONE_ID
 
 def test_given_frames_of_every_length_then_the_block_holds_them_exactly():
     block = [
-        (10**15 + n, (EXTENDED | 0x1FFFFFFF if n % 2 else 0x7FF) | (SENT if n % 3 else 0), bytes(range(n)))
+        (
+            10**15 + n,
+            (EXTENDED | 0x1FFFFFFF if n % 2 else 0x7FF) | (SENT if n % 3 else 0),
+            bytes(range(n)),
+        )
         for n in range(9)
     ]
     # 0x1FFFFFFF has bit 28 as its highest: SENT does not touch an identifier

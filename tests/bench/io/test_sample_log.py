@@ -145,7 +145,9 @@ def test_given_two_dwells_then_readings_of_the_file_are_those_of_the_dwells(tmp_
 def test_every_field_of_a_sample_has_its_flat_column():
     names = column_names()
 
-    assert len(names) == sum(SAMPLE[name].shape[0] if SAMPLE[name].shape else 1 for name in SAMPLE.names)
+    assert len(names) == sum(
+        SAMPLE[name].shape[0] if SAMPLE[name].shape else 1 for name in SAMPLE.names
+    )
     assert names["accel_z_g"] == ("accel_g", 2)
 
 

@@ -1,0 +1,1 @@
+"""Steps of a procedure: a closed set, each a small class."""

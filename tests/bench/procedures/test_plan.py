@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+import pytest
+from pydantic import TypeAdapter
+
+from bench.errors import ConfigError
+from bench.plan import expected_load_percent, plan_of, predictions, require_load
+from bench.procedure import Procedure
+from bench.procedure_loader import load_procedure
+from bench.station import load_station
+from bench.travel import SETTLE_S
+
+
+def procedure_of(*steps):
+    return TypeAdapter(Procedure).validate_python(
+        {"name": "p", "version": "1.0", "title": "t", "limits": "eol_three_axis", "steps": steps}
+    )
+
+
+def test_a_clockwise_and_counter_clockwise_sweep_winds_one_turn_and_back():
+    sweep = {"kind": "sweep", "name": "s", "headings": {"count": 4}}
+
+    plan = plan_of(procedure_of(sweep))
+
+    wound = [move.azimuth_wound_deg for move in plan.moves]
+    assert wound == [0.0, 90.0, 180.0, 270.0, 360.0, 270.0, 180.0, 90.0, 0.0]
+    assert (plan.wound_low_deg, plan.wound_high_deg) == (0.0, 360.0)
+    assert plan.samples == 9 * 50
+
+
+def test_a_counter_clockwise_sweep_alone_starts_and_ends_at_the_first_heading():
+    sweep = {
+        "kind": "sweep", "name": "s", "headings": {"count": 4, "first": "45 deg"},
+        "directions": ["counter_clockwise"],
+    }  # fmt: skip
+
+    poses = procedure_of(sweep).steps[0].poses()
+
+    assert [pose.attitude.azimuth_deg for pose in poses] == [45.0, 315.0, 225.0, 135.0, 45.0]
+    assert {pose.direction for pose in poses} == {-1}
+
+
+def test_the_time_of_a_move_and_a_dwell_is_that_of_a_trapezoid_with_settling():
+    poses = {"kind": "poses", "name": "s", "rings": [{"count": 1, "first": "90 deg"}]}
+
+    (move,) = plan_of(procedure_of(poses)).moves
+
+    # 90 deg at 90 deg/s and 180 deg/s2: 1.5 s; then settling.
+    assert move.travel_s == pytest.approx(1.5 + SETTLE_S)
+    assert move.dwell_s == 0.5
+
+
+def test_a_repeat_is_planned_with_all_its_rounds():
+    poses = {"kind": "poses", "name": "s", "rings": [{"count": 3}]}
+    repeat = {"kind": "repeat", "name": "r", "times": 4, "steps": [poses]}
+
+    plan = plan_of(procedure_of(repeat))
+
+    assert len(plan.moves) == 12
+    assert [step.name for step in plan.steps] == ["s"] * 4
+
+
+def test_a_tilt_beyond_the_rig_is_refused_with_the_steps_name():
+    poses = {"kind": "poses", "name": "steep", "rings": [{"count": 1, "pitch": "120 deg"}]}
+
+    with pytest.raises(ConfigError, match="step steep: pitch must be between -90 and 90 deg"):
+        plan_of(procedure_of(poses))
+
+
+def test_the_main_procedure_stays_inside_the_cables_wrap_and_under_six_minutes():
+    plan = plan_of(load_procedure("eol_three_axis"))
+
+    assert -540.0 <= plan.wound_low_deg < plan.wound_high_deg <= 540.0
+    assert 240.0 < plan.duration_s < 360.0
+
+
+def test_the_main_procedure_can_see_everything_that_it_writes():
+    found = {
+        prediction.method: prediction
+        for prediction in predictions(load_procedure("eol_three_axis"), load_station("default"))
+    }
+
+    written = found["truth_aided"]
+    assert written.cause is None
+    assert written.condition < 100.0
+    assert 0.0 < written.predicted_heading_max_deg < 0.2
+
+
+def test_level_poses_alone_are_foretold_to_be_too_few():
+    sweep = {"kind": "sweep", "name": "s", "headings": {"count": 24}}
+    fit = {"kind": "fit", "name": "f", "methods": ["truth_aided"], "judged": ["truth_aided"]}
+
+    (prediction,) = predictions(procedure_of(sweep, fit), load_station("default"))
+
+    assert prediction.cause is not None
+    assert prediction.message
+
+
+def test_a_recording_has_no_poses_to_predict_from():
+    assert predictions(load_procedure("recording"), load_station("default")) == []
+
+
+def test_one_module_and_the_rig_load_the_bus_by_a_quarter_at_worst():
+    # notes of the protocol: 25 % of 500 kbit/s, heartbeats and rounding aside
+    assert expected_load_percent() == pytest.approx(24.0, abs=2.5)
+
+
+def test_a_bus_that_would_be_too_full_is_refused():
+    require_load(70.0)
+    with pytest.raises(ConfigError, match="must be at most 70 %"):
+        require_load(expected_load_percent(modules=16, module_rate_hz=50.0))

@@ -1,0 +1,116 @@
+"""Bad files: one sentence with file, line and column, and a suggestion where one is near."""
+
+from __future__ import annotations
+
+import pytest
+
+from bench.errors import ConfigError
+from bench.procedure import Procedure
+from bench.typed_yaml import load_model
+
+HEAD = """name: swing
+version: "1.0"
+title: a title
+limits: eol_three_axis
+"""
+WAIT = "  - {kind: wait, name: pause, duration: 1 s}\n"
+
+
+@pytest.fixture
+def refusal_of(tmp_path):
+    """Return what loads a text as a procedure and gives the sentence of its refusal."""
+
+    def load(text):
+        path = tmp_path / "swing.yaml"
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(ConfigError) as refusal:
+            load_model(path, Procedure)
+        sentence = str(refusal.value)
+        assert sentence.startswith(str(path))
+        assert "\n" not in sentence
+        return sentence.removeprefix(str(path))
+
+    return load
+
+
+def test_a_good_file_is_loaded(tmp_path):
+    path = tmp_path / "swing.yaml"
+    path.write_text(HEAD + "steps:\n" + WAIT, encoding="utf-8")
+
+    procedure = load_model(path, Procedure)
+
+    assert procedure.steps[0].duration_s() == 1.0
+
+
+def test_an_unknown_key_is_named_with_its_place_and_a_suggestion(refusal_of):
+    sentence = refusal_of(HEAD + "stepz: []\nsteps:\n" + WAIT)
+
+    assert sentence == ":5:1: unknown key 'stepz'; did you mean 'steps'?"
+
+
+def test_an_unknown_key_of_a_step_is_suggested_from_that_steps_keys(refusal_of):
+    step = "  - kind: sweep\n    name: turn\n    heading: {count: 8}\n"
+
+    assert ":8:5: unknown key 'heading'; did you mean 'headings'?" in refusal_of(
+        HEAD + "steps:\n" + step
+    )
+
+
+def test_an_unknown_key_inside_a_ring_is_suggested_from_the_rings_keys(refusal_of):
+    step = "  - kind: poses\n    name: tilted\n    rings:\n      - {count: 6, pich: 30 deg}\n"
+
+    assert ":9:20: unknown key 'pich'; did you mean 'pitch'?" in refusal_of(
+        HEAD + "steps:\n" + step
+    )
+
+
+def test_an_unknown_kind_of_step_is_suggested(refusal_of):
+    sentence = refusal_of(HEAD + "steps:\n  - {kind: sweap, name: turn}\n")
+
+    assert sentence.startswith(":6:5: unknown kind 'sweap'; did you mean 'sweep'?")
+
+
+def test_a_missing_key_is_named(refusal_of):
+    sentence = refusal_of(HEAD + "steps:\n  - {kind: wait, name: pause}\n")
+
+    assert sentence == ":6:5: key 'duration' is missing"
+
+
+def test_a_value_without_its_unit_is_refused_at_its_place(refusal_of):
+    sentence = refusal_of(HEAD + "steps:\n  - {kind: wait, name: pause, duration: 1.5}\n")
+
+    assert sentence.startswith(":6:")
+    assert "number with its unit" in sentence
+    assert "1.5" in sentence
+
+
+def test_a_key_that_stands_twice_is_refused(refusal_of):
+    assert ":6:1: key 'name' stands here twice" in refusal_of(
+        HEAD.replace("a title", "a title\n") + "name: again\n" + "steps:\n" + WAIT
+    )
+
+
+def test_a_name_that_two_steps_have_is_refused(refusal_of):
+    assert "names of steps must be unique; instead received 'pause' twice" in refusal_of(
+        HEAD + "steps:\n" + WAIT + WAIT
+    )
+
+
+@pytest.mark.parametrize(
+    "text", ["a: [1, 2", "\tname: x", "a: b: c", "- 1\n- 2\n", "", "just words", "a: *nothing"]
+)
+def test_what_is_no_yaml_mapping_is_refused_in_one_sentence(refusal_of, text):
+    assert refusal_of(text)
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load_model(tmp_path / "none.yaml", Procedure)
+
+
+def test_bytes_that_are_no_text_are_refused(tmp_path):
+    path = tmp_path / "bytes.yaml"
+    path.write_bytes(b"name: \xff\xfe\n")
+
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load_model(path, Procedure)

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+from dashboards.verdict_text import deviation_markdown, methods_markdown, verdict_markdown
+
+
+def measurement(name: str, outcome: str, **limits: float | None) -> dict[str, object]:
+    row = {"name": name, "value": 0.25, "unit": "deg", "low": None, "high": None}
+    return {**row, "outcome": outcome, **limits}
+
+
+def test_missed_limits_stand_first() -> None:
+    record = {
+        "run": {"serial": "SN7"},
+        "verdict": {"outcome": "FAIL", "reason": "b is above", "next_action": "red bin"},
+        "measurements": [
+            measurement("a", "PASS", high=0.5),
+            measurement("b", "FAIL", high=0.2),
+            measurement("informs", "PASS"),
+        ],
+    }
+
+    text = verdict_markdown(record)
+
+    assert text.startswith("# FAIL  `SN7`")
+    assert text.index("| b |") < text.index("| a |")
+    assert "informs" not in text
+
+
+def test_limits_are_told_by_their_sides() -> None:
+    record = {
+        "measurements": [
+            measurement("below", "PASS", high=0.5),
+            measurement("above", "PASS", low=0.1),
+            measurement("between", "PASS", low=0.1, high=0.5),
+        ]
+    }
+
+    text = verdict_markdown(record)
+
+    assert "| below | 0.25 | ≤ 0.5 |" in text
+    assert "| above | 0.25 | ≥ 0.1 |" in text
+    assert "| between | 0.25 | 0.1 … 0.5 |" in text
+
+
+def test_run_without_a_verdict_is_told_as_broken_off() -> None:
+    assert "broken off" in verdict_markdown({"run": {"serial": "SN7"}})
+
+
+def test_methods_stand_in_the_order_of_their_rank_and_refusals_say_why() -> None:
+    good = {"method": "good", "cause": None, "achieved": {"level_max_deg": 0.2}}
+    refused = {"method": "refused", "cause": "no_turn", "achieved": {}}
+
+    text = methods_markdown({"fits": [refused, good], "ranking": ["good", "refused"]})
+
+    assert text.index("| good |") < text.index("| refused |")
+    assert "no_turn" in text
+
+
+def test_deviation_shows_standard_errors_and_words() -> None:
+    raw = {
+        "A": 1.0,
+        "B": 12.0,
+        "C": 8.0,
+        "D": 5.0,
+        "E": 1.5,
+        "se": {"A": 0.1},
+        "words": "hard iron",
+    }
+
+    text = deviation_markdown({"deviation": {"raw": raw}})
+
+    assert "| A | 1 ± 0.1 |" in text
+    assert "**Raw:** hard iron" in text
