@@ -61,7 +61,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 
 @pytest.fixture(scope="session")
 def failed(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
-    return run(tmp_path_factory.mktemp("bad"), faults=("excess_noise",))
+    return run(tmp_path_factory.mktemp("bad"), faults=("inverted_axis_x",))
 
 
 @pytest.fixture
