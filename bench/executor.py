@@ -101,6 +101,7 @@ class _Run:
         try:
             for step in self._procedure.steps:
                 self.run_step(step)
+            context.completed = True
         except _Stopped as stop:
             context.event("stopped", reason=str(stop))
         except Aborted as fault:

@@ -11,7 +11,7 @@ from bench.acceptance.catalogue import MEASUREMENTS
 from bench.acceptance.measurement import Measurement
 from bench.acceptance.outcome import Outcome, worst
 from bench.acceptance.verdict import judge_measurement, last_attempts
-from bench.errors import ConfigError, ModuleSilent
+from bench.errors import ConfigError, ModuleRefused, ModuleSilent
 from bench.pose import Pose
 from bench.progress import Progress, RunState, SilentProgress
 from bench.samples import COMPLETE, READING, reading_of
@@ -76,8 +76,9 @@ class RunContext:
         measurement.
     not_available : set of str
         Measurements that this unit or recording cannot give; the verdict does without them.
-    verified : bool
-        Whether the written coefficients were judged; until then the end of the run restores.
+    verified, completed : bool
+        Whether the written coefficients were judged, and whether all steps have run: without
+        both, and with any limit missed, the end of the run restores the former ones.
     finish : list of (name, callable)
         Close the files of the run, in order, after the safe state and before the record.
     on_exit : callable
@@ -112,6 +113,7 @@ class RunContext:
     before: Coefficients | None = None
     written: Coefficients | None = None
     verified: bool = False
+    completed: bool = False
     fault_name: str | None = None
     not_available: set[str] = field(default_factory=set)
     finish: list[tuple[str, Callable[[], object]]] = field(default_factory=list)
@@ -299,10 +301,22 @@ class RunContext:
         self.recorder.set("run", {"ticks": bus.tick_count})
 
     def restore_coefficients(self) -> None:
-        """Give the module back the coefficients that it had, unless new ones were verified."""
-        if self.verified or self.written is None or self.before is None:
+        """Give the module back the coefficients that it had, unless the new ones passed.
+
+        Raises
+        ------
+        BenchError
+            If the module does not take them.
+        """
+        if self.written is None or self.before is None:
             return
-        self.module.diagnostics.write_coefficients(self.before)
+        whole = self.outcome_since(Mark(0, 0, 0))
+        if self.verified and self.completed and whole not in MISSED:
+            return
+        if not self.module.diagnostics.write_coefficients(self.before).read_back_equal:
+            message = "the module does not hold its former coefficients again: put it aside"
+            raise ModuleRefused(message, 0)
+        self.recorder.set("coefficients", {"restored": True})
         self.event("coefficients_restored")
 
     def mark(self) -> Mark:

@@ -34,6 +34,8 @@ SHOWN: Final = (
     "fit_residual",
     "field_azimuth_difference",
     "dip_difference",
+    "field_magnitude_difference",
+    "sensitivity",
     "temperature_change",
 )
 

@@ -118,7 +118,7 @@ class CoefficientStore:
     active : Coefficients
         What the last `boot` found; the default set if there was nothing sound.
     calibrated : bool
-        Whether `active` came from a bank.
+        Whether `active` came from a bank and is not the default set.
     lost : bool
         Whether a bank or an image was stored and is not sound.
 
@@ -219,7 +219,7 @@ class CoefficientStore:
             self._marker = self._marker._replace(active=NO_BANK)
             return
         self.active = coefficients
-        self.calibrated = True
+        self.calibrated = coefficients != DEFAULT_COEFFICIENTS
 
     def _mark(self, marker: Marker) -> None:
         marker = marker._replace(sequence=self._marker.sequence + 1 & 0xFFFFFFFF)

@@ -42,6 +42,7 @@ MEASUREMENTS: Final[dict[str, MeasurementKind]] = {
     "peak_reading": MeasurementKind("mG", "Largest set or reset reading on any axis"),
     **_of_axes("axis_sense", "", "Cosine between the magnetic {axis} axis and the body's"),
     **_of_axes("accel_sense", "", "Cosine between the accelerometer's {axis} axis and the body's"),
+    "raw_max": MeasurementKind("deg", "Largest heading error of the raw readings, level"),
     "hysteresis": MeasurementKind("mG", "Largest clockwise to counter-clockwise difference"),
     "return_to_start": MeasurementKind("mG", "Change between the sweep's first and last reading"),
     "fit_accepted": MeasurementKind("", "The calibration did not refuse the data"),
@@ -51,11 +52,14 @@ MEASUREMENTS: Final[dict[str, MeasurementKind]] = {
         "deg", "Field azimuth of the calibration against the station's record"
     ),
     "dip_difference": MeasurementKind("deg", "Dip of the calibration against the station's record"),
-    "field_magnitude_difference": MeasurementKind(
-        "%", "Field strength of the calibration against the station's record"
+    "sensitivity": MeasurementKind(
+        "%", "Mean sensitivity of the three axes against the nominal one"
     ),
     "accel_bias": MeasurementKind("mg", "Largest bias of an accelerometer axis"),
     "accel_residual": MeasurementKind("mg", "RMS residual of the accelerometer calibration"),
+    "field_magnitude_difference": MeasurementKind(
+        "%", "Mean strength of the corrected field, at other poses, against the station's record"
+    ),
     "level_max": MeasurementKind("deg", "Largest heading error of the module, level"),
     "level_rms": MeasurementKind("deg", "RMS heading error of the module, level"),
     "tilt_max": MeasurementKind("deg", "Largest heading error of the module, tilted"),

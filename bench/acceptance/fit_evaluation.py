@@ -22,8 +22,11 @@ def evaluate_fit(step: str, fit: Fit, site: SiteField) -> list[Measurement]:
     - fit_accepted: 1, or 0 where the method refused the data; its note begins with the
       method's name and goes on with the reason. Of a refused fit nothing else is returned.
     - fit_residual (mG), fit_condition, accel_residual (mg), accel_bias (mg, largest axis).
-    - field_azimuth_difference, dip_difference (deg), field_magnitude_difference (%): fit
-      against the station's record, absolute. A difference is the rig's or the field's fault.
+    - sensitivity (%): mean sensitivity of the axes in the module's nominal scale. The fit's
+      gain is held against the station's field, so the strength itself says nothing here; it
+      is judged on other poses (`evaluate_field_strength`).
+    - field_azimuth_difference, dip_difference (deg): fit against the station's record,
+      absolute. A difference is the rig's or the field's fault.
     """
     if fit.refused:
         note = f"{fit.method}: {fit.cause}: {fit.message}"
@@ -32,11 +35,11 @@ def evaluate_fit(step: str, fit: Fit, site: SiteField) -> list[Measurement]:
         "fit_accepted": (1.0, ""),
         "fit_residual": (fit.residual_rms_mg, "mG"),
         "fit_condition": (fit.condition, ""),
+        "sensitivity": (_sensitivity_percent(fit, site), "%"),
         "accel_bias": (_accel_bias_mg(fit), "mg"),
         "accel_residual": (_scaled(fit.accel_residual_rms_g, 1000.0), "mg"),
         "field_azimuth_difference": (_azimuth_difference_deg(fit, site), "deg"),
         "dip_difference": (_dip_difference_deg(fit, site), "deg"),
-        "field_magnitude_difference": (_magnitude_difference_percent(fit, site), "%"),
     }
     return [
         Measurement(
@@ -72,7 +75,8 @@ def _dip_difference_deg(fit: Fit, site: SiteField) -> float | None:
     return None if fit.dip_deg is None else abs(fit.dip_deg - site.dip_deg)
 
 
-def _magnitude_difference_percent(fit: Fit, site: SiteField) -> float | None:
-    if fit.field_mg is None or not math.isfinite(fit.field_mg):
+def _sensitivity_percent(fit: Fit, site: SiteField) -> float | None:
+    nominal_mg = fit.extra.get("field_magnitude_mg")
+    if nominal_mg is None or not math.isfinite(nominal_mg):
         return None
-    return 100.0 * abs(fit.field_mg / total_field_mg(site) - 1.0)
+    return 100.0 * nominal_mg / total_field_mg(site)

@@ -9,6 +9,8 @@ import numpy as np
 
 from bench.acceptance.fit_evaluation import evaluate_fit
 from bench.acceptance.heading_evaluation import (
+    evaluate_field_strength,
+    evaluate_raw_heading,
     evaluate_returns,
     evaluate_temperature,
     evaluate_verification,
@@ -84,7 +86,8 @@ class RunSamples:
         if kind == "set_reset":
             return self._set_reset(step, readings)
         if kind == "sweep":
-            return evaluate_sweep(step, readings, self._poses)
+            raw = evaluate_raw_heading(step, readings, self._site)
+            return evaluate_sweep(step, readings, self._poses) + raw
         if kind == "poses":
             return evaluate_peaks(step, readings)
         if kind == "returns":
@@ -117,12 +120,16 @@ class RunSamples:
         return recording_data(self._samples)
 
     def _verify(self, step: str, readings: NDArray[np.void]) -> list[Measurement]:
-        coefficients = self._record["coefficients"]
-        used = coefficients.get("written") or coefficients.get("before")
+        recorded = self._record["coefficients"]
+        written = recorded.get("written")
+        used = written or recorded.get("before")
         if used is None:
             return []
+        coefficients = coefficients_of(used)
         samples = self._samples[np.isin(self._samples["position"], readings["position"])]
-        found = evaluate_verification(step, readings, samples, coefficients_of(used), self._site)
+        found = evaluate_verification(step, readings, samples, coefficients, self._site)
+        if written:
+            found += evaluate_field_strength(step, readings, coefficients, self._site)
         before = self._readings_at(self._calibration_positions())
         if len(before):
             found += evaluate_temperature(step, before, readings)

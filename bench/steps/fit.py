@@ -17,11 +17,11 @@ Method = Literal["min_max", "ellipsoid", "accelerometer", "truth_aided"]
 FIT_NAMES = ("fit_accepted", "fit_residual")
 TRUTH_NAMES = (
     "fit_condition",
+    "sensitivity",
     "accel_bias",
     "accel_residual",
     "field_azimuth_difference",
     "dip_difference",
-    "field_magnitude_difference",
 )
 
 

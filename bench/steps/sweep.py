@@ -64,6 +64,7 @@ class Sweep(Step):
         RigFault, ModuleSilent
             If a pose is not reached or the module stops sending.
         """
+        from bench.acceptance.heading_evaluation import evaluate_raw_heading
         from bench.acceptance.sensor_evaluation import evaluate_sweep
 
         poses = self.poses()
@@ -71,6 +72,7 @@ class Sweep(Step):
         deviation = raw_deviation_entry(readings, context.station)
         context.recorder.set("deviation", {"raw": deviation})
         context.judge(evaluate_sweep(context.step_name, readings, context.poses))
+        context.judge(evaluate_raw_heading(context.step_name, readings, context.station))
 
     def measured(self) -> tuple[str, ...]:
         """Return the names of what is judged here."""

@@ -38,26 +38,31 @@ class Verify(Step):
         """
         import numpy as np
 
-        from bench.acceptance.heading_evaluation import evaluate_temperature, evaluate_verification
+        from bench.acceptance.heading_evaluation import (
+            evaluate_field_strength,
+            evaluate_temperature,
+            evaluate_verification,
+        )
 
+        name, station = context.step_name, context.station
         coefficients = context.written
         if coefficients is None:
             coefficients = context.module.diagnostics.read_coefficients()
             context.recorder.set("coefficients", {"before": coefficients})
         readings = context.visit(self.poses(), verifies=True)
         samples = np.concatenate(context.verification_samples)
-        context.judge(
-            evaluate_verification(
-                context.step_name, readings, samples, coefficients, context.station
-            )
-        )
+        context.judge(evaluate_verification(name, readings, samples, coefficients, station))
+        if context.written is not None:
+            context.judge(evaluate_field_strength(name, readings, coefficients, station))
+        else:
+            context.not_available.add("field_magnitude_difference")
         if context.calibration_positions:
             before = context.readings_at(context.calibration_positions)
-            context.judge(evaluate_temperature(context.step_name, before, readings))
+            context.judge(evaluate_temperature(name, before, readings))
         else:
             context.not_available.add("temperature_change")
         context.verified = True
-        compensated = deviation_entry(readings["heading_deg"], readings, context.station)
+        compensated = deviation_entry(readings["heading_deg"], readings, station)
         context.recorder.set("deviation", {"compensated": compensated})
         self._compare_methods(context)
 
@@ -80,4 +85,5 @@ class Verify(Step):
         tilted = any(ring.pitch != 0.0 or ring.roll != 0.0 for ring in self.rings)
         names = [*(("level_max", "level_rms") if level else ())]
         names += [*(("tilt_max", "tilt_rms") if tilted else ())]
-        return (*names, "bench_against_module", "temperature_change")
+        judged = ("bench_against_module", "field_magnitude_difference", "temperature_change")
+        return (*names, *judged)
