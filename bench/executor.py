@@ -73,6 +73,9 @@ def execute(procedure: Procedure, context: RunContext) -> Verdict:
         error, aborted = run.steps()
         failures = safe_state.keep()
         watch.deafen()
+        signal_number = context.bus.cancel.signal_number
+        if signal_number is not None and error is None:
+            aborted = str(Aborted(signal_number))
         failures += run.finish()
         if error is None and failures:
             error = "; ".join(failures)
@@ -80,6 +83,8 @@ def execute(procedure: Procedure, context: RunContext) -> Verdict:
         verdict = verdict_of(context.measurements, error=error, aborted=aborted, required=required)
         if verdict.first_failure is None:
             verdict = replace(verdict, first_failure=context.fault_name)
+        if verdict.outcome is Outcome.PASS and procedure.on_pass:
+            verdict = replace(verdict, next_action=procedure.on_pass)
         context.recorder.close(verdict)
     return context.recorder.verdict or verdict
 

@@ -99,6 +99,8 @@ class Procedure(FileModel):
     """What the procedure does, in a few words."""
     description: str = ""
     """What it is for, in sentences."""
+    on_pass: str = ""
+    """What the operator does with a unit that passed; none given: it is released."""
     limits: str
     """Name of a shipped limits file or path of one."""
     station: str = "default"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -33,7 +34,10 @@ if TYPE_CHECKING:
     from bench.steps.step import PlannedPose
     from protocols.uds import Coefficients
 
+Result = TypeVar("Result")
 
+COMPUTING_S: Final = 60.0
+"""Longest time that a fit may take."""
 MISSED: Final = (Outcome.FAIL, Outcome.ERROR)
 
 
@@ -244,6 +248,19 @@ class RunContext:
         samples = self.sample_log.end_dwell()
         complete: NDArray[np.void] = samples[samples["complete"] == COMPLETE]
         return complete
+
+    def compute(self, work: Callable[[], Result]) -> Result:
+        """Return what `work` returns; it must be arithmetic that touches nothing of the run.
+
+        On a real bus time goes on meanwhile: the heartbeat is sent and frames are read, as
+        the drives would stop otherwise. In lock-step time stands still.
+        """
+        if self.bus.mode == "lockstep":
+            return work()
+        with ThreadPoolExecutor(max_workers=1) as worker:
+            result = worker.submit(work)
+            self.bus.run_until(result.done, COMPUTING_S, "the arithmetic did not end")
+        return result.result()
 
     def readings_at(self, positions: Sequence[int]) -> NDArray[np.void]:
         """Return the readings of some positions, in order."""

@@ -47,6 +47,7 @@ MEASUREMENTS: Final[dict[str, MeasurementKind]] = {
     "return_to_start": MeasurementKind("mG", "Change between the sweep's first and last reading"),
     "fit_accepted": MeasurementKind("", "The calibration did not refuse the data"),
     "fit_residual": MeasurementKind("mG", "RMS residual of the magnetometer calibration"),
+    "fit_residual_share": MeasurementKind("%", "RMS residual of the fit in the field's strength"),
     "fit_condition": MeasurementKind("", "Condition number of the calibration"),
     "field_azimuth_difference": MeasurementKind(
         "deg", "Field azimuth of the calibration against the station's record"

@@ -21,7 +21,7 @@ def evaluate_fit(step: str, fit: Fit, site: SiteField) -> list[Measurement]:
 
     - fit_accepted: 1, or 0 where the method refused the data; its note begins with the
       method's name and goes on with the reason. Of a refused fit nothing else is returned.
-    - fit_residual (mG), fit_condition, accel_residual (mg), accel_bias (mg, largest axis).
+    - fit_residual (mG), fit_residual_share (% of the field's strength), fit_condition, accel_residual (mg), accel_bias (mg, largest axis).
     - sensitivity (%): mean sensitivity of the axes in the module's nominal scale. The fit's
       gain is held against the station's field, so the strength itself says nothing here; it
       is judged on other poses (`evaluate_field_strength`).
@@ -34,6 +34,7 @@ def evaluate_fit(step: str, fit: Fit, site: SiteField) -> list[Measurement]:
     values = {
         "fit_accepted": (1.0, ""),
         "fit_residual": (fit.residual_rms_mg, "mG"),
+        "fit_residual_share": (_residual_percent(fit), "%"),
         "fit_condition": (fit.condition, ""),
         "sensitivity": (_sensitivity_percent(fit, site), "%"),
         "accel_bias": (_accel_bias_mg(fit), "mg"),
@@ -52,6 +53,12 @@ def evaluate_fit(step: str, fit: Fit, site: SiteField) -> list[Measurement]:
         for name, (value, unit) in values.items()
         if value is not None
     ]
+
+
+def _residual_percent(fit: Fit) -> float | None:
+    if fit.residual_rms_mg is None or not fit.field_mg:
+        return None
+    return 100.0 * fit.residual_rms_mg / fit.field_mg
 
 
 def _scaled(value: float | None, factor: float) -> float | None:

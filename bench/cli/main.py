@@ -6,6 +6,7 @@ Modules that cost time to import are imported by the commands that need them, so
 
 from __future__ import annotations
 
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +14,7 @@ from typing import Annotated
 import typer
 
 from bench.cli import options
-from bench.errors import BenchError
+from bench.errors import Aborted, BenchError
 
 app = typer.Typer(
     name="compass-bench",
@@ -145,9 +146,7 @@ def fit(
         Path, typer.Argument(help="CSV: mx,my,mz [,ax,ay,az] [,heading_deg,...].")
     ],
     method: Annotated[str, typer.Option("--method", "-m", help="A method's name, or all.")] = "all",
-    unit: Annotated[
-        str | None, typer.Option("--unit", help="Unit of the magnetometer: G, mG, uT, nT, counts.")
-    ] = None,
+    unit: options.FieldUnit = None,
     holdout: Annotated[
         str, typer.Option("--holdout", help="blocks: judge on rows not fitted; none.")
     ] = "blocks",
@@ -180,50 +179,75 @@ def import_(  # noqa: PLR0913 - one parameter an option of the command line
     preset: Annotated[
         str | None, typer.Option("--preset", help="Known format; `list` names them.")
     ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option("--columns", help="Names in order, e.g. t_s,mx,my,mz; - skips one."),
-    ] = None,
-    unit: Annotated[
-        str | None, typer.Option("--unit", help="Unit of the magnetometer: G, mG, uT, nT, counts.")
-    ] = None,
     accel: Annotated[
         Path | None, typer.Option("--accel", help="Second file with the accelerometer.")
     ] = None,
-    accel_columns: Annotated[
-        str | None, typer.Option("--accel-columns", help="As --columns, of --accel.")
+    columns: options.Names = None,
+    accel_columns: options.Names = None,
+    field: Annotated[
+        str | None, typer.Option("--field", help="Columns of the magnetometer's x, y, z.")
     ] = None,
+    accel_field: Annotated[
+        str | None, typer.Option("--accel-field", help="Columns of the accelerometer's x, y, z.")
+    ] = None,
+    quaternion: Annotated[
+        str | None,
+        typer.Option("--quaternion", help="Columns w, x, y, z, from the sensor to ENU."),
+    ] = None,
+    unit: options.FieldUnit = None,
     accel_unit: Annotated[
-        str | None, typer.Option("--accel-unit", help="Unit of the accelerometer: g, m/s2.")
+        str | None, typer.Option("--accel-unit", help="g, mg, m/s2 or counts.")
+    ] = None,
+    mg_per_count: Annotated[
+        float | None, typer.Option("--mg-per-count", min=0.0, help="Size of a count.")
+    ] = None,
+    g_per_count: Annotated[
+        float | None, typer.Option("--g-per-count", min=0.0, help="Size of a count.")
+    ] = None,
+    axes: Annotated[
+        str | None,
+        typer.Option("--axes", help="Sensor's axes along forward, right, down: x,-y,-z."),
+    ] = None,
+    accel_axes: Annotated[
+        str | None, typer.Option("--accel-axes", help="As --axes, of the accelerometer.")
+    ] = None,
+    time: Annotated[str | None, typer.Option("--time", help="Column of the time in s.")] = None,
+    rate_hz: Annotated[
+        float | None, typer.Option("--rate", min=0.001, help="Rate without a time column, Hz.")
     ] = None,
     skip_rows: Annotated[
-        int, typer.Option("--skip-rows", min=0, help="Lines before the data or its header.")
-    ] = 0,
-    rate_hz: Annotated[
-        float | None,
-        typer.Option("--rate", min=0.001, help="Rate where there is no time column, Hz."),
+        int | None, typer.Option("--skip-rows", min=0, help="Lines before the data or its header.")
+    ] = None,
+    delimiter: Annotated[
+        str | None, typer.Option("--delimiter", help="Separator; found by itself without.")
     ] = None,
     resample: Annotated[
-        str, typer.Option("--resample", help="Second file onto the first: nearest or linear.")
-    ] = "nearest",
+        str | None,
+        typer.Option("--resample", help="Second file onto the first: linear or nearest."),
+    ] = None,
 ) -> None:
     """Bring a foreign recording into the product's CSV."""
-    from bench.cli.recording_commands import ImportRequest, import_recording
+    from bench.cli.recording_commands import import_recording, names
 
-    request = ImportRequest(
-        source=source,
-        target=target,
-        preset=preset,
-        columns=columns,
-        unit=unit,
-        accel=accel,
-        accel_columns=accel_columns,
-        accel_unit=accel_unit,
-        skip_rows=skip_rows,
-        rate_hz=rate_hz,
-        resample=resample,
-    )
-    raise typer.Exit(import_recording(request))
+    layout = {
+        "columns": names(columns),
+        "accel_columns": names(accel_columns),
+        "field": names(field),
+        "accel": names(accel_field),
+        "quaternion": names(quaternion),
+        "field_unit": unit,
+        "accel_unit": accel_unit,
+        "mg_per_count": mg_per_count,
+        "g_per_count": g_per_count,
+        "field_axes": axes,
+        "accel_axes": accel_axes,
+        "time": time,
+        "rate_hz": rate_hz,
+        "skip_lines": skip_rows,
+        "delimiter": delimiter,
+        "resample": resample,
+    }
+    raise typer.Exit(import_recording(source, target, preset, accel, layout))
 
 
 @app.command()
@@ -284,10 +308,17 @@ def faults(*, json: options.Json = False) -> None:
     raise typer.Exit(print_faults(json=json))
 
 
+def _abort(number: int, _: object) -> None:
+    """End a command that has nothing to bring into a safe state."""
+    raise Aborted(number)
+
+
 def main() -> None:
     """Run the command line; every expected error is one sentence and an exit code."""
     from protocols.errors import LinkError
 
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _abort)
     try:
         app()
     except BenchError as error:

@@ -54,3 +54,9 @@ Limits = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder for the records of runs.")]
+FieldUnit = Annotated[
+    str | None, typer.Option("--unit", help="Unit of the magnetometer: G, mG, uT, nT or counts.")
+]
+Names = Annotated[
+    str | None, typer.Option(help="Names of the columns of a file without a header, in order.")
+]

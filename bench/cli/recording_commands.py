@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json as json_module
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import typer
@@ -22,68 +22,60 @@ from protocols.angles import wrap_360_deg
 
 if TYPE_CHECKING:
     from pathlib import Path
-    from typing import Literal
 
     from bench.recordings import Recording
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImportRequest:
-    """Options of `import`."""
-
-    source: Path
-    target: Path
-    preset: str | None
-    columns: str | None
-    unit: str | None
-    accel: Path | None
-    accel_columns: str | None
-    accel_unit: str | None
-    skip_rows: int
-    rate_hz: float | None
-    resample: str
-
-
-def import_recording(request: ImportRequest) -> int:
+def import_recording(
+    source: Path,
+    target: Path,
+    preset_name: str | None,
+    accelerometer: Path | None,
+    layout: dict[str, Any],
+) -> int:
     """Write the product's CSV and say what is in it.
+
+    Parameters
+    ----------
+    preset_name : str or None
+        Known layout to begin with, or "list" to print their names.
+    layout : dict
+        Fields of `ImportOptions` that were given; None where they were not.
 
     Raises
     ------
     ConfigError
         If the file or an option cannot be used.
     """
-    if request.preset == "list":
+    if preset_name == "list":
         typer.echo("\n".join(PRESETS))
         return 0
-    recording = bring(request.source, request.target, _options(request), request.accel)
+    options = _options(preset_name, layout)
+    recording = bring(source, target, options, accelerometer)
     parts = [f"{len(recording.t_s)} rows", "magnetometer"]
     if recording.accel_g is not None:
         parts.append("accelerometer")
     if recording.heading_deg is not None:
         parts.append("headings")
-    typer.echo(f"{request.target}: {', '.join(parts)}")
+    typer.echo(f"{target}: {', '.join(parts)}")
     return 0
 
 
-def _options(request: ImportRequest) -> ImportOptions:
-    if request.resample not in ("nearest", "linear"):
-        message = f"--resample must be nearest or linear; instead received {request.resample!r}"
+def _options(preset_name: str | None, layout: dict[str, Any]) -> ImportOptions:
+    for name, count in (("field", 3), ("accel", 3), ("quaternion", 4)):
+        given = layout[name]
+        if given is not None and len(given) != count:
+            message = f"{name} must name {count} columns; instead received {','.join(given)}"
+            raise ConfigError(message)
+    if layout["resample"] not in (None, "nearest", "linear"):
+        message = f"--resample must be nearest or linear; instead received {layout['resample']!r}"
         raise ConfigError(message)
-    options = preset(request.preset) if request.preset else ImportOptions()
-    given: dict[str, Any] = {
-        "columns": _names(request.columns),
-        "accel_columns": _names(request.accel_columns),
-        "field_unit": request.unit,
-        "accel_unit": request.accel_unit,
-        "skip_lines": request.skip_rows or None,
-        "rate_hz": request.rate_hz,
-    }
-    given = {name: value for name, value in given.items() if value is not None}
-    how = cast("Literal['linear', 'nearest']", request.resample)
-    return replace(options, resample=how, **given)
+    options = preset(preset_name) if preset_name else ImportOptions()
+    return replace(options, **{name: value for name, value in layout.items() if value is not None})
 
 
-def _names(text: str | None) -> tuple[str, ...] | None:
+def names(text: str | None) -> tuple[str, ...] | None:
+    """Return the names in a list with commas."""
     return None if text is None else tuple(name.strip() for name in text.split(","))
 
 

@@ -15,7 +15,7 @@ from bench.acceptance.verdict import verdict_of
 from bench.capture import Capture
 from bench.cli.console import ConsoleProgress, print_verdict
 from bench.cli.run_bus import RunBus, connect
-from bench.errors import BenchError, BusFault, ConfigError, ModuleSilent
+from bench.errors import Aborted, BenchError, BusFault, ConfigError, ModuleSilent
 from bench.executor import execute
 from bench.limit_set import load_limits
 from bench.module import Module
@@ -24,8 +24,9 @@ from bench.record.recorder import RunRecorder
 from bench.rig import Rig
 from bench.run_context import RunContext
 from bench.sample_log import SampleLog
+from bench.signals import SignalWatch
 from bench.software import config_files, software_section
-from bench.station import load_station
+from bench.station import check_model_gate, load_station
 from bench.traffic import Traffic
 from protocols.clock import MonotonicClock, SimulatedClock
 
@@ -90,16 +91,18 @@ def run_procedure(request: RunRequest) -> int:
         run_bus = connect(request, serial, files.station)
     except (ModuleSilent, BusFault) as fault:
         return _not_started(request, serial, files, fault)
-    try:
-        recorder = _recorder(request, serial, files, run_bus.clock, virtual=run_bus.virtual)
-        context = _context(request, serial, files, run_bus, recorder)
-        verdict = execute(files.procedure, context)
-    finally:
-        run_bus.close()
-    _show(request, serial, recorder, verdict)
-    signal_number = run_bus.bus.cancel.signal_number
-    if verdict.outcome.exit_code == 130 and signal_number is not None:
-        return 128 + signal_number
+    cancel = run_bus.bus.cancel
+    with SignalWatch(cancel) as watch:
+        watch.deafen()  # the run itself listens; before and after it signals only count
+        try:
+            recorder = _recorder(request, serial, files, run_bus.clock, virtual=run_bus.virtual)
+            context = _context(request, serial, files, run_bus, recorder)
+            verdict = execute(files.procedure, context)
+        finally:
+            run_bus.close()
+        _show(request, serial, recorder, verdict)
+    if cancel.signal_number is not None:
+        return Aborted(cancel.signal_number).exit_code
     return verdict.outcome.exit_code
 
 
@@ -132,7 +135,20 @@ def _files(request: RunRequest) -> RunFiles:
         if request.site
         else load_station(procedure.station, beside=beside)
     )
+    _check_site(station)
     return RunFiles(procedure=procedure, limits=limits, station=station)
+
+
+def _check_site(station: Station) -> None:
+    """Hold the station's field against the World Magnetic Model, where it names its place."""
+    gate = station.model_gate
+    if gate is None:
+        return
+    from bench.calibration.geomagnetic import decimal_year, earth_field
+
+    year = decimal_year(gate.date)
+    model = earth_field(gate.latitude, gate.longitude, gate.altitude / 1000.0, year)
+    check_model_gate(station, model.horizontal_mg, model.dip_deg)
 
 
 def _serial(request: RunRequest) -> str:

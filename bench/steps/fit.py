@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
+from bench.calibration.fit import Cause
 from bench.steps.step import OnMiss, Step
 
 if TYPE_CHECKING:
@@ -14,8 +16,20 @@ if TYPE_CHECKING:
 
 Method = Literal["min_max", "ellipsoid", "accelerometer", "truth_aided"]
 
-FIT_NAMES = ("fit_accepted", "fit_residual")
+FIT_NAMES = ("fit_accepted",)
+NOT_ENOUGH = frozenset(
+    {
+        Cause.TOO_FEW,
+        Cause.NO_TURN,
+        Cause.NOT_OBSERVABLE,
+        Cause.TILT_TOO_SMALL,
+        Cause.NO_ACCELERATION,
+        Cause.NO_TRUTH,
+    }
+)
+"""Causes for which a simpler method may be tried; for others the readings themselves are bad."""
 TRUTH_NAMES = (
+    "fit_residual",
     "fit_condition",
     "sensitivity",
     "accel_bias",
@@ -26,14 +40,14 @@ TRUTH_NAMES = (
 
 
 class FitMethods(Step):
-    """Fit; the first method of `judged` that accepts the data is judged and may be written."""
+    """Fit; the first method of `judged` that the data are enough for is judged and may be written."""
 
     kind: Literal["fit"]
     on_miss: OnMiss = "stop"
     methods: Annotated[list[Method], Field(min_length=1)]
     """Methods to fit and rank, all on the same readings."""
     judged: Annotated[list[Method], Field(min_length=1)]
-    """Method that is judged; further ones are tried where the data do not allow the first."""
+    """Method that is judged; a further one is tried where the data are not enough for the first."""
 
     def run(self, context: RunContext) -> None:
         """Fit, write all results down, judge one.
@@ -41,11 +55,10 @@ class FitMethods(Step):
         A refusal is a measurement (`fit_accepted`), with the method's reason in its note.
         """
         from bench.acceptance.fit_evaluation import evaluate_fit
-        from bench.calibration.methods import fit_named
 
         data = self._data(context)
         for name in dict.fromkeys([*self.methods, *self.judged]):
-            fit = fit_named(name, data)
+            fit = context.compute(partial(_fit, name, data))
             context.fits[name] = fit
             context.recorder.fit(fit)
         judged = self._judged(context.fits)
@@ -62,9 +75,17 @@ class FitMethods(Step):
         return calibration_data(readings, context.station)
 
     def _judged(self, fits: dict[str, Fit]) -> Fit:
-        accepted = [fits[name] for name in self.judged if not fits[name].refused]
-        return accepted[0] if accepted else fits[self.judged[0]]
+        for name in self.judged:
+            if fits[name].cause not in NOT_ENOUGH:
+                return fits[name]
+        return fits[self.judged[0]]
 
     def measured(self) -> tuple[str, ...]:
         """Return the names of what is judged here."""
         return FIT_NAMES + (TRUTH_NAMES if self.judged == ["truth_aided"] else ())
+
+
+def _fit(name: str, data: CalibrationData) -> Fit:
+    from bench.calibration.methods import fit_named  # slow where it is the first
+
+    return fit_named(name, data)

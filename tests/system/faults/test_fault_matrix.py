@@ -1,0 +1,158 @@
+"""Every fault of the catalogue, through the whole bench: named, caught early, harmless when small.
+
+Given a fault at full strength the run is FAIL where the unit is at fault and ERROR where the
+bench is, and the first failure is the one that the catalogue names. At negligible strength
+the unit passes, and in between the measurement gets worse with the strength.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from bench.cli.main import app
+from devices.faults import FAULTS
+
+OF_THE_BENCH = ("module_silent", "rig_fault")
+"""First failures that are no measurements: the bench could not judge the unit."""
+BEFORE_THE_WRITE = [
+    name for name, fault in FAULTS.items() if fault.detects not in (*OF_THE_BENCH, "read_back")
+]
+KINDS = {
+    kind: tuple(names)
+    for kind, names in itertools.groupby(
+        sorted(FAULTS), lambda name: name.removesuffix(name[-2:]) if name[-2] == "_" else name[:12]
+    )
+}
+WORSE_WITH_STRENGTH = {
+    "dead_strap_y": ("set_reset_amplitude_y", -1),
+    "stuck_axis_z": ("set_reset_amplitude_z", -1),
+    "inverted_axis_x": ("axis_sense_x", -1),
+    "swapped_axes": ("axis_sense_x", -1),
+    "accel_sign_z": ("accel_sense_z", -1),
+    "excess_noise": ("noise_x", +1),
+    "saturated_axis": ("peak_reading", +1),
+}
+
+
+def test_the_catalogue_has_ten_kinds():
+    assert len(FAULTS) == 20
+    assert len(KINDS) == 10
+    assert sorted(itertools.chain(*KINDS.values())) == sorted(FAULTS)
+
+
+def test_the_command_lists_the_catalogue_with_what_finds_each_fault_first():
+    listed = json.loads(CliRunner().invoke(app, ["faults", "--json"]).stdout)
+
+    assert {each["name"]: each["detects"] for each in listed} == {
+        name: fault.detects for name, fault in FAULTS.items()
+    }
+    assert all(each["kind"] and each["breaks"].endswith(".") for each in listed)
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_full_fault_is_found_first_by_what_the_catalogue_names(bench, name):
+    detects = FAULTS[name].detects
+    run = bench.run(name)
+
+    of_the_bench = detects in OF_THE_BENCH
+    assert run.first_failure == detects
+    assert (run.outcome, run.exit_code) == (("ERROR", 4) if of_the_bench else ("FAIL", 1))
+    assert run.record["injected_faults"] == [name]
+
+
+@pytest.mark.parametrize("name", BEFORE_THE_WRITE)
+def test_a_broken_sensor_is_never_written_to(bench, name):
+    run = bench.run(name)
+
+    assert run.record["coefficients"] == {}
+    assert [step["kind"] for step in run.record["steps"]].count("write") == 0
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_the_operator_is_told_what_was_found_and_what_to_do(bench, name):
+    run = bench.run(name)
+
+    verdict = run.record["verdict"]
+    sentence = {"rig_fault": f"{name.removeprefix('axis_stalled_')} axis", "module_silent": "sent"}
+    assert sentence.get(FAULTS[name].detects, FAULTS[name].detects) in verdict["reason"]
+    assert verdict["next_action"]
+    failing = [m for m in run.record["measurements"] if m["outcome"] in ("FAIL", "ERROR")]
+    assert bool(failing) is (FAULTS[name].detects not in OF_THE_BENCH)
+
+
+def test_a_rig_that_stalls_during_the_run_is_an_error_that_names_the_axis(bench):
+    run = bench.run("axis_stalled_roll@2500")
+
+    assert (run.outcome, run.first_failure) == ("ERROR", "rig_fault")
+    assert "roll axis" in run.reason
+    assert run.record["poses"]
+
+
+def test_a_lost_write_leaves_the_former_coefficients_and_says_so(bench):
+    run = bench.run("lost_write")
+
+    assert run.record["coefficients"]["read_back_equal"] is False
+    assert run.record["verdict"]["next_action"].startswith("Red bin, reason: coefficient memory")
+
+
+def test_a_sensor_that_breaks_after_the_write_fails_and_loses_the_coefficients_again(bench):
+    sound = bench.run(*(f"{name}=0.001" for name in FAULTS))
+    (verify,) = (step for step in sound.record["steps"] if step["name"] == "verify")
+
+    run = bench.run(f"accel_sign_x@{round(100 * verify['started_s']) + 100}")
+
+    assert run.outcome == "FAIL"
+    assert run.first_failure in ("level_max", "tilt_max")
+    assert run.record["coefficients"]["read_back_equal"] is True
+    assert run.record["coefficients"]["restored"] is True
+    assert run.events("coefficients_restored")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_negligible_fault_passes_on_all_its_axes_at_once(bench, short_procedure, kind):
+    faults = [f"{name}=0.001" for name in KINDS[kind]]
+
+    run = bench.run(*faults, procedure=short_procedure)
+
+    assert (run.outcome, run.exit_code) == ("PASS", 0), run.reason
+    assert run.first_failure is None
+    assert run.record["coefficients"]["read_back_equal"] is True
+
+
+def test_all_faults_together_at_negligible_strength_pass_the_whole_procedure(bench):
+    run = bench.run(*(f"{name}=0.001" for name in FAULTS))
+
+    assert run.outcome == "PASS", run.reason
+
+
+def test_all_faults_at_strength_zero_change_no_byte_of_the_samples(bench):
+    none = bench.run(procedure="set_reset")
+    zero = bench.run(*(f"{name}=0" for name in FAULTS), procedure="set_reset")
+
+    assert (none.outcome, zero.outcome) == ("PASS", "PASS")
+    assert (none.folder / "samples.parquet").read_bytes() == (
+        zero.folder / "samples.parquet"
+    ).read_bytes()
+
+
+@pytest.mark.parametrize("name", WORSE_WITH_STRENGTH)
+def test_what_finds_a_fault_gets_worse_with_its_strength(bench, name):
+    measurement, sign = WORSE_WITH_STRENGTH[name]
+    runs = [bench.run(procedure="set_reset")]
+    runs += [bench.run(f"{name}={strength}", procedure="set_reset") for strength in (0.3, 0.65, 1)]
+
+    values = [sign * run.value(measurement) for run in runs]
+
+    assert values == sorted(values)
+    assert len(set(values)) == len(values)
+    assert [run.outcome for run in (runs[0], runs[-1])] == ["PASS", "FAIL"]
+
+
+def test_a_shorter_silence_than_the_watch_is_still_seen_as_lost_frames(bench):
+    run = bench.run("module_silent=0.05@1500", procedure="set_reset")
+
+    assert (run.outcome, run.first_failure) == ("ERROR", "frames_lost")
