@@ -146,8 +146,12 @@ def _check_site(station: Station) -> None:
         return
     from bench.calibration.geomagnetic import decimal_year, earth_field
 
-    year = decimal_year(gate.date)
-    model = earth_field(gate.latitude, gate.longitude, gate.altitude / 1000.0, year)
+    try:
+        year = decimal_year(gate.date)
+        model = earth_field(gate.latitude, gate.longitude, gate.altitude / 1000.0, year)
+    except ValueError as error:
+        message = f"{station.path}: model_gate cannot be used: {error}"
+        raise ConfigError(message) from error
     check_model_gate(station, model.horizontal_mg, model.dip_deg)
 
 
