@@ -44,7 +44,7 @@ benchmark: $(VENV)/dev.ok compiled
 
 # The locked sets hold for every Python from 3.11 on; they name hashes and no addresses.
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
-	--no-emit-index-url --no-emit-find-links --no-annotate --no-header
+	--no-annotate --no-header
 
 lock: $(VENV)/dev.ok
 	$(LOCK) requirements.in -o requirements.txt

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final, Literal
 from bench.cancel import CancelToken
 from bench.errors import BenchError, BusFault, ModuleSilent
 from bench.frame_block import BLOCK_FRAMES, SENT, frames_of
+from bench.link_watch import LinkWatch
 from bench.load_meter import LoadMeter
 from bench.mode_detection import detect_mode
 from protocols.canopen import BENCH_NODE, STATE_OPERATIONAL, heartbeat_id
@@ -39,7 +40,6 @@ _SLICE_S: Final = 0.1
 _HEARTBEAT_ID: Final = heartbeat_id(BENCH_NODE)
 _HEARTBEAT_DATA: Final = bytes([STATE_OPERATIONAL])
 _FAULT_PERIOD_TICKS: Final = 10
-_TOLERATED_FAULTS: Final = frozenset({"error_warning", "send_blocked"})
 
 
 class BenchBus:
@@ -96,7 +96,7 @@ class BenchBus:
         self._block: list[tuple[int, int, bytes]] = []
         self._counter = 0
         self._now_ns = self._start_ns = self._next_ns = clock.now_ns()
-        self._faults_seen: set[str] = set()
+        self._watch = LinkWatch(self._links)
         self._gone = False
         self._exchange = self._exchange_for(clock)
 
@@ -131,6 +131,20 @@ class BenchBus:
         """The same with worst-case bit stuffing."""
         self.flush()
         return self.load.percent(self.now_s, worst=True)
+
+    @property
+    def faults(self) -> dict[str, int]:
+        """How often each kind of fault was seen on the channels (`protocols.link_faults`)."""
+        return self._watch.faults
+
+    @property
+    def dropped(self) -> int:
+        """Frames that this computer did not read in time and lost."""
+        return self._watch.dropped
+
+    def check_links(self) -> None:
+        """Raise BusFault if a channel has reported a fault that was not raised before."""
+        self._watch.check()
 
     def subscribe(self, can_id: int, handler: Callable[[Frame], None]) -> None:
         """Let `handler` see every received frame of an identifier; several may."""
@@ -202,7 +216,7 @@ class BenchBus:
         if len(self._block) >= BLOCK_FRAMES:
             self.flush()
         if self.tick_count % _FAULT_PERIOD_TICKS == 0:
-            self._check_links()
+            self._watch.check()
         for hook in self._hooks:
             hook()
 
@@ -306,6 +320,7 @@ class BenchBus:
                 return frame
             self.cancel.check()
         self._gone = True
+        self._watch.check()  # a lost tick-done frame is the channel's fault
         message = (
             f"the simulator has not answered SYNC {self._counter} of tick {self.tick_count}: "
             "it is gone or hangs; start it again"
@@ -336,18 +351,6 @@ class BenchBus:
             if frame is None:
                 return
             self.receive(frame)
-
-    def _check_links(self) -> None:
-        for link in self._links:
-            for fault in getattr(link, "faults", ()):
-                if fault not in self._faults_seen:
-                    self._faults_seen.add(fault)
-                    if fault not in _TOLERATED_FAULTS:
-                        message = (
-                            f"channel {getattr(link, 'channel', '')} reports {fault}: check "
-                            "wiring, termination, bit rate and the load of this computer"
-                        )
-                        raise BusFault(message)
 
 
 def _one_of(subscribers: tuple[Callable[[Frame], None], ...]) -> Callable[[Frame], None]:

@@ -155,6 +155,7 @@ class _Run:
         outcome, message = Outcome.ERROR, ""
         try:
             step.run(context)
+            context.bus.check_links()
             outcome = context.outcome_since(begun)
         except _Stopped:
             outcome = context.outcome_since(begun)

@@ -310,6 +310,8 @@ class RunContext:
                 "mode": bus.mode,
                 "frames": bus.frames,
                 "lost": self.module.lost,
+                "dropped": bus.dropped,
+                "faults": bus.faults,
                 "load_percent": bus.load_percent,
                 "load_worst_percent": bus.load_worst_percent,
                 "e2e": self.module.e2e,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final, Protocol
 
+from protocols.link import BatchLink
 from protocols.sync import SYNC_ID, TICK_DONE_ID, TICK_NS, pack_tick_done
 
 if TYPE_CHECKING:
@@ -53,6 +54,24 @@ class SteppedWorld(Protocol):
         ...
 
 
+class Outbox:
+    """Keeps the frames of one turn, so that they leave together."""
+
+    def __init__(self, link: BatchLink) -> None:
+        self._link = link
+        self._frames: list[tuple[int, bytes]] = []
+
+    def add(self, can_id: int, data: bytes) -> None:
+        """Keep one frame."""
+        self._frames.append((can_id, data))
+
+    def post(self) -> None:
+        """Send what was kept, in order."""
+        if self._frames:
+            frames, self._frames = self._frames, []
+            self._link.send_all(frames)
+
+
 class Host:
     """World and nodes of one simulator.
 
@@ -95,8 +114,12 @@ class Host:
             )
             raise ValueError(message)
         self._first = each[0]
+        outboxes = {id(link): Outbox(link) for link in each if isinstance(link, BatchLink)}
+        self._outboxes = tuple(outboxes.values())
+        sends = [outboxes[id(link)].add if id(link) in outboxes else link.send for link in each]
+        self._send_first = sends[0]
         self._turns = tuple(
-            (node.tick, node.sync, link.send) for node, link in zip(self._nodes, each, strict=True)
+            (node.tick, node.sync, send) for node, send in zip(self._nodes, sends, strict=True)
         )
         inputs = _inputs(self._nodes, each)
         self._routes = inputs[0][1]
@@ -143,6 +166,7 @@ class Host:
             group = self.tick_count & 0x0F
             for tick, _, send in self._turns:
                 tick(self.now_ns, group, send)
+            self._post()
 
     def _take(self, frame: Frame) -> None:
         """Obey one frame of the first link in lock-step."""
@@ -156,7 +180,12 @@ class Host:
         for tick, sync, send in self._turns:
             tick(now_ns, group, send)
             sync(send)
-        self._first.send(TICK_DONE_ID, pack_tick_done(self.tick_count, counter))
+        self._send_first(TICK_DONE_ID, pack_tick_done(self.tick_count, counter))
+        self._post()
+
+    def _post(self) -> None:
+        for outbox in self._outboxes:
+            outbox.post()
 
     def _advance(self) -> None:
         self.tick_count += 1
@@ -172,6 +201,7 @@ class Host:
             if frame.can_id == SYNC_ID:
                 for _, sync, send in self._turns:
                     sync(send)
+                self._post()
             else:
                 self._deliver(self._routes, frame)
             frame = self._first.poll()

@@ -19,7 +19,7 @@ from devices.firmware import Converters
 from protocols import compass
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from devices.firmware import Counts
@@ -60,14 +60,14 @@ class ReplaySensors:
             lines = list(file)
         keys = _preamble(lines)
         header, rows = _table(path.name, lines)
-        self._has_force = all(name in header for name in _FORCE)
+        _require_columns(path.name, header)
+        self._has_force = _FORCE[0] in header
         columns = _FIELD + (_FORCE if self._has_force else ())
-        missing = [name for name in _FIELD if name not in header]
-        if missing:
-            message = f"recording {path.name} must have columns mx, my, mz; missing {missing[0]}"
-            raise ValueError(message)
         self.converters = _converters(path.name, keys, has_force=self._has_force)
         self._rows = [self._counts(path.name, line, row, columns) for line, row in rows]
+        if not self._rows:
+            message = f"recording {path.name} must have rows below its header; instead it has none"
+            raise ValueError(message)
         self._next = 0
         self._ended = False
 
@@ -137,12 +137,35 @@ def _preamble(lines: list[str]) -> dict[str, str]:
 
 def _table(name: str, lines: list[str]) -> tuple[list[str], Iterator[tuple[int, dict[str, str]]]]:
     start = next((at for at, line in enumerate(lines) if not line.startswith("#")), len(lines))
-    reader = csv.DictReader(lines[start:])
-    header = list(reader.fieldnames or ())
+    reader = csv.reader(lines[start:])
+    header = [cell.strip() for cell in next(reader, [])]
     if not header:
         message = f"recording {name} has no header row; import it with `compass-bench import`"
         raise ValueError(message)
-    return header, enumerate(reader, start=start + 2)
+    return header, _named(name, header, enumerate(reader, start=start + 2))
+
+
+def _named(
+    name: str, header: list[str], rows: Iterable[tuple[int, list[str]]]
+) -> Iterator[tuple[int, dict[str, str]]]:
+    for line, cells in rows:
+        if not cells:
+            continue
+        if len(cells) != len(header):
+            message = (
+                f"line {line} of recording {name} must have {len(header)} values "
+                f"({', '.join(header)}); instead received {len(cells)}"
+            )
+            raise ValueError(message)
+        yield line, dict(zip(header, cells, strict=True))
+
+
+def _require_columns(name: str, header: list[str]) -> None:
+    wanted = _FIELD + (_FORCE if any(column in header for column in _FORCE) else ())
+    missing = [column for column in wanted if column not in header]
+    if missing:
+        message = f"recording {name} must have columns {', '.join(wanted)}; missing {missing[0]}"
+        raise ValueError(message)
 
 
 def _converters(name: str, keys: dict[str, str], *, has_force: bool) -> Converters:

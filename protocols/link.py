@@ -7,12 +7,12 @@ order in which it was sent. It carries simulated time and never blocks.
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from protocols.frame import Frame
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
 
 class Link(Protocol):
@@ -41,6 +41,15 @@ class Link(Protocol):
 
     def close(self) -> None:
         """Leave the bus; may be called twice."""
+        ...
+
+
+@runtime_checkable
+class BatchLink(Protocol):
+    """A link that sends several frames at the cost of one."""
+
+    def send_all(self, frames: Sequence[tuple[int, bytes]]) -> None:
+        """Send (identifier, data) in order; raises LinkError as `Link.send`."""
         ...
 
 

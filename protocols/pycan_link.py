@@ -22,6 +22,8 @@ from protocols.frame import Frame
 from protocols.link_faults import FaultCounter, LinkFault
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import can
 
 SEND_DEADLINE_S: Final = 1.0
@@ -158,6 +160,31 @@ class PyCanLink:
                 raise LinkError(self._sentence("refuses a frame", error)) from error
         self._faults.add(LinkFault.SEND_BLOCKED)
         self._send_when_free(can_id, data)
+
+    def send_all(self, frames: Sequence[tuple[int, bytes]]) -> None:
+        """Send (identifier, data) in order, by one system call where the port can.
+
+        Raises
+        ------
+        LinkError
+            As `send`.
+        """
+        send_many = getattr(self._port, "send_many", None)
+        if send_many is None:
+            for frame in frames:
+                self.send(*frame)
+            return
+        self._check()
+        while frames:
+            try:
+                sent = send_many(frames)
+            except OSError as error:
+                if error.errno not in _RETRIED:
+                    raise LinkError(self._sentence("refuses a frame", error)) from error
+                self._faults.add(LinkFault.SEND_BLOCKED)
+                self._send_when_free(*frames[0])
+                sent = 1
+            frames = frames[sent:]
 
     def poll(self) -> Frame | None:
         """Return the next received frame, or None at once if there is none."""

@@ -51,7 +51,10 @@ class ConsoleProgress:
     def step_started(self, state: RunState) -> None:
         """Announce a step."""
         self._clear()
-        self._console.print(Text(f"{_clock(state)}  {state.step.replace('_', ' ')}", style="bold"))
+        line = Text(f"{_clock(state)}  {state.step.replace('_', ' ')}", style="bold")
+        if state.positions:
+            line.append(f"  position {state.position} of {state.positions}", style="not bold dim")
+        self._console.print(line)
 
     def position_reached(self, state: RunState) -> None:
         """Move the line on; not more often than twice a second of the run."""

@@ -78,6 +78,8 @@ class BusSection(_Open):
     bitrate: int | None = None
     frames: int | None = None
     lost: int | None = None
+    dropped: int | None = None
+    faults: dict[str, int] = {}
     load_percent: float | None = None
     load_worst_percent: float | None = None
     e2e: dict[str, Any] = {}

@@ -1,16 +1,20 @@
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from bench.bus import BenchBus
 from bench.cancel import CancelToken
 from bench.errors import Aborted, BusFault, ModuleSilent, RigFault
+from bench.link_watch import SENTENCES
 from protocols.canopen import BENCH_NODE, heartbeat_id
 from protocols.clock import MonotonicClock, SimulatedClock
 from protocols.errors import LinkError
 from protocols.frame import EXTENDED, Frame
 from protocols.link import Wire
+from protocols.link_faults import LinkFault
 from protocols.sync import SYNC_ID, TICK_DONE_ID, pack_tick_done
 
 
@@ -199,12 +203,13 @@ class FaultyLink:
 
     channel = "can7"
 
-    def __init__(self, faults: list[str]) -> None:
-        self.faults = faults
+    def __init__(self, **fault_counts: int) -> None:
+        self.fault_counts = fault_counts
+        self.dropped = fault_counts.get("receive_dropped", 0)
         self._done: Frame | None = None
 
     def send(self, can_id: int, data: bytes) -> None:
-        if "refuse" in self.faults:
+        if "refuse" in self.fault_counts:
             message = "channel can7 refuses a frame"
             raise LinkError(message)
         if can_id == SYNC_ID:
@@ -223,16 +228,33 @@ class FaultyLink:
 
 
 def test_given_dropped_frames_when_ticking_then_bus_fault_once_so_that_teardown_goes_on():
-    bus = BenchBus(FaultyLink(["error_warning", "receive_dropped"]), SimulatedClock())
+    bus = BenchBus(FaultyLink(error_warning=2, receive_dropped=7), SimulatedClock())
 
-    with pytest.raises(BusFault, match="can7 reports receive_dropped"):
+    with pytest.raises(BusFault, match="can7 lost 7 frames because this computer did not read"):
         bus.run_for(0.1)
     bus.run_for(0.5)
     assert bus.tick_count == 60
+    assert bus.faults == {"error_warning": 2, "receive_dropped": 7}
+    assert bus.dropped == 7
+
+
+@pytest.mark.parametrize("fault", list(LinkFault))
+def test_every_fault_of_a_channel_but_a_warning_ends_the_run_with_its_own_sentence(fault):
+    bus = BenchBus(FaultyLink(**{fault: 3}), SimulatedClock())
+
+    if fault is LinkFault.ERROR_WARNING:
+        bus.check_links()
+    else:
+        with pytest.raises(
+            BusFault, match=re.escape(SENTENCES[fault].format(channel="can7", count=3))
+        ):
+            bus.check_links()
+        bus.check_links()
+    assert bus.faults == {fault: 3}
 
 
 def test_given_a_channel_that_refuses_then_the_link_error_is_a_bus_fault():
-    bus = BenchBus(FaultyLink(["refuse"]), SimulatedClock())
+    bus = BenchBus(FaultyLink(refuse=1), SimulatedClock())
 
     with pytest.raises(BusFault, match="refuses"):
         bus.tick()
