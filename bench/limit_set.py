@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
+from bench.acceptance.catalogue import MEASUREMENTS
 from bench.acceptance.measurement import Limit
 from bench.acceptance.outcome import Outcome
 from bench.errors import ConfigError
@@ -138,10 +140,26 @@ def load_limits(name: str, *, beside: Path | None = None) -> LimitSet:
             if each in by_name:
                 message = f"{path}: measurement {each!r} has limits twice"
                 raise ConfigError(message)
+            _require_known(path, each, entry.unit)
             by_name[each] = entry.limit(each)
     return LimitSet(
         id=file.id, version=file.version, sha256=file_sha256(path), path=path, by_name=by_name
     )
+
+
+def _require_known(path: Path, name: str, unit: str) -> None:
+    kind = MEASUREMENTS.get(name)
+    if kind is None:
+        close = difflib.get_close_matches(name, MEASUREMENTS, n=1)
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        message = f"{path}: unknown measurement {name!r}{hint}"
+        raise ConfigError(message)
+    if unit != kind.unit:
+        message = (
+            f"{path}: unit of {name} must be {kind.unit or 'left out'}; "
+            f"instead received {unit or 'none'}"
+        )
+        raise ConfigError(message)
 
 
 def _spread(key: str) -> list[str]:

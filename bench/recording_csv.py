@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DELIMITERS: Final = (",", ";", "\t")
+LARGEST: Final = 1e12
+"""No value of a recording is as large, in any unit; squares of larger ones overflow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +47,10 @@ class Table:
         """Return whether every one of these columns is there."""
         return all(name in self.names for name in names)
 
+    def has_any(self, *names: str) -> bool:
+        """Return whether any of these columns is there."""
+        return any(name in self.names for name in names)
+
     def numbers(self, names: Sequence[str]) -> NDArray[np.float64]:
         """Return columns as numbers, shape (n, len(names)).
 
@@ -58,11 +64,12 @@ class Table:
             values = cells.astype(np.float64)
         except ValueError:
             values = np.array([[_number(cell) for cell in row] for row in cells])
-        bad = np.argwhere(~np.isfinite(values))
+        bad = np.argwhere(~(np.abs(values) < LARGEST))
         if len(bad):
             row, column = bad[0]
+            bound = f" below {LARGEST:g}" if np.isfinite(values[row, column]) else ""
             message = (
-                f"{self.path}:{self.lines[row]}: {names[column]} must be a finite number; "
+                f"{self.path}:{self.lines[row]}: {names[column]} must be a finite number{bound}; "
                 f"instead received {str(cells[row, column])!r}"
             )
             raise ConfigError(message)

@@ -133,8 +133,8 @@ def read_recording(
         t_s=times_s(
             table, TIME if table.has(TIME) else None, _resolution(table.preamble, "rate_hz")
         ),
-        accel_g=table.numbers(ACCEL) * scale_g if table.has(*ACCEL) else None,
-        earth_ned_mg=table.numbers(EARTH) * scale_mg if table.has(*EARTH) else None,
+        accel_g=table.numbers(ACCEL) * scale_g if table.has_any(*ACCEL) else None,
+        earth_ned_mg=table.numbers(EARTH) * scale_mg if table.has_any(*EARTH) else None,
         metadata=metadata,
         **attitude_columns(table),
     )

@@ -71,7 +71,7 @@ def write_recording(path: Path, record: dict[str, Any] | None = None) -> None:
 
 def _log_run(recording: rr.RecordingStream, run: RunView) -> None:
     log_scene(recording, run.field_ned_mg)
-    log_styles(recording)
+    log_styles(recording, calibrated=run.coefficients is not None)
     log_shapes(recording, run)
     tracker = _DwellTracker()
     for block in run.blocks():

@@ -108,14 +108,16 @@ def _log_seat(recording: rr.RecordingStream) -> None:
         rr.TransformAxes3D(0.12),
         static=True,
     )
-    for path, colour, label in (
-        (entities.MODULE_FIELD, entities.RED, "raw"),
-        (entities.MODULE_FIELD_CORRECTED, entities.GREEN, "compensated"),
-    ):
-        style = rr.Arrows3D.from_fields(
-            origins=[_MODULE_ORIGIN], colors=[colour], radii=[0.005], labels=[label]
-        )
-        recording.log(path, style, static=True)
+
+
+def log_arrow(
+    recording: rr.RecordingStream, path: str, colour: entities.Colour, label: str
+) -> None:
+    """Style an arrow that starts at the module; its vectors come with the samples."""
+    style = rr.Arrows3D.from_fields(
+        origins=[_MODULE_ORIGIN], colors=[colour], radii=[0.005], labels=[label]
+    )
+    recording.log(path, style, static=True)
 
 
 def _log_field(recording: rr.RecordingStream, field_ned_mg: NDArray[np.float64]) -> None:

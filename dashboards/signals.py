@@ -26,8 +26,11 @@ _AXES: Final = ["x", "y", "z"]
 _RGB: Final = [entities.RED, entities.GREEN, entities.BLUE]
 
 
-def log_styles(recording: rr.RecordingStream) -> None:
-    """Name and colour every series."""
+def log_styles(recording: rr.RecordingStream, *, calibrated: bool) -> None:
+    """Name and colour every series, also the compensated ones where there is a calibration."""
+    scene.log_arrow(recording, entities.MODULE_FIELD, entities.RED, "raw")
+    if calibrated:
+        scene.log_arrow(recording, entities.MODULE_FIELD_CORRECTED, entities.GREEN, "compensated")
     # Headings are points: a line would cross the whole plot wherever they wrap.
     for name, label, colour, size in (
         ("raw", "raw", entities.RED, 0.8),

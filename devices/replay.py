@@ -56,8 +56,7 @@ class ReplaySensors:
         self.pulse_current_ma = 500.0
         self.temperature_c = 25.0
         self.supply_v = 5.0
-        with path.open(newline="", encoding="utf-8") as file:
-            lines = list(file)
+        lines = _lines(path)
         keys = _preamble(lines)
         header, rows = _table(path.name, lines)
         _require_columns(path.name, header)
@@ -124,6 +123,15 @@ class ReplaySensors:
         return (x, y, z), (ax, ay, az)
 
 
+def _lines(path: Path) -> list[str]:
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            return list(file)
+    except UnicodeDecodeError as error:
+        message = f"recording {path.name} is not a text file: byte {error.start} is not UTF-8"
+        raise ValueError(message) from error
+
+
 def _preamble(lines: list[str]) -> dict[str, str]:
     keys = {}
     for line in lines:
@@ -161,11 +169,12 @@ def _named(
 
 
 def _require_columns(name: str, header: list[str]) -> None:
-    wanted = _FIELD + (_FORCE if any(column in header for column in _FORCE) else ())
-    missing = [column for column in wanted if column not in header]
-    if missing:
-        message = f"recording {name} must have columns {', '.join(wanted)}; missing {missing[0]}"
-        raise ValueError(message)
+    for wanted in (_FIELD, _FORCE) if set(_FORCE) & set(header) else (_FIELD,):
+        missing = [column for column in wanted if column not in header]
+        if missing:
+            names = ", ".join(wanted)
+            message = f"recording {name} must have columns {names}; missing {missing[0]}"
+            raise ValueError(message)
 
 
 def _converters(name: str, keys: dict[str, str], *, has_force: bool) -> Converters:

@@ -5,6 +5,7 @@ Transport is ISO 15765-2 with 29-bit normal fixed addressing (18DA target source
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from dataclasses import dataclass
@@ -122,7 +123,7 @@ def unpack_coefficients(data: bytes) -> Coefficients:
     Raises
     ------
     FrameError
-        If the length or the CRC-32 is wrong.
+        If the length or the CRC-32 is wrong, or a value is not a finite number.
     """
     if len(data) != BANK_LENGTH:
         sentence = f"coefficient bank must be {BANK_LENGTH} bytes; instead received {len(data)}"
@@ -132,6 +133,9 @@ def unpack_coefficients(data: bytes) -> Coefficients:
         sentence = "coefficient bank has a wrong CRC-32; read it again or restore it"
         raise FrameError(sentence)
     version, *values = _BANK.unpack(body)
+    if not all(map(math.isfinite, values)):
+        sentence = "coefficient bank must hold finite numbers; instead it holds NaN or infinity"
+        raise FrameError(sentence)
     return Coefficients(
         version=version,
         mag_offset_mg=tuple(values[0:3]),
@@ -154,4 +158,11 @@ def unpack_scales(data: bytes) -> tuple[float, float]:
     if len(data) != _SCALES.size:
         sentence = f"scales must be {_SCALES.size} bytes; instead received {len(data)}"
         raise FrameError(sentence)
-    return _SCALES.unpack(data)
+    mag_mg_per_count, accel_g_per_count = _SCALES.unpack(data)
+    if not (0.0 < mag_mg_per_count < math.inf and 0.0 < accel_g_per_count < math.inf):
+        sentence = (
+            "scales must be positive and finite; instead received "
+            f"{mag_mg_per_count} mG and {accel_g_per_count} g"
+        )
+        raise FrameError(sentence)
+    return mag_mg_per_count, accel_g_per_count

@@ -145,7 +145,7 @@ def evaluate_returns(
       to one pose (the worst range of three would reject 56 % of good units).
     - closing_error: the mean of the later half of the visits less that of the earlier half,
       averaged over the poses. One last-minus-first pair has a standard deviation of 0.11 deg
-      by the sensor's repeatability alone; halves of six visits at six headings, 0.03.
+      by the sensor's repeatability alone; halves of four visits at eight headings, 0.03.
     """
     groups = _visits(readings, poses)
     error_deg = heading_error_deg(readings["heading_deg"], readings, site)

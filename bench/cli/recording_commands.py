@@ -95,6 +95,9 @@ def fit_recording(
     ConfigError
         If the recording or an option cannot be used.
     """
+    if not abs(declination_deg) <= 180.0:
+        message = f"--declination must be from -180 to 180 deg; instead received {declination_deg}"
+        raise ConfigError(message)
     data = _data(read_recording(path, unit=unit), declination_deg)
     try:
         report = fit_report(data, method, holdout)

@@ -57,7 +57,7 @@ def connect(request: RunRequest, serial: str, station: Station) -> RunBus:
 
 
 def _with_virtual_devices(request: RunRequest, serial: str, station: Station) -> RunBus:
-    from bench.cli.simulate_command import simulator_options
+    from bench.cli.simulate_command import refused, simulator_options
     from devices.simulator import build_host
 
     options = simulator_options(
@@ -75,7 +75,7 @@ def _with_virtual_devices(request: RunRequest, serial: str, station: Station) ->
     try:
         host = build_host(options, device_link)
     except (ValueError, OSError) as error:
-        raise ConfigError(str(error)) from error
+        raise refused(error) from error
     wire.add_server(host.serve)
     mode = detect_mode(link, clock)  # as across processes, so that both give the same frames
     bus = BenchBus(link, clock, mode=mode, bitrate=request.bitrate)

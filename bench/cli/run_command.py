@@ -136,6 +136,7 @@ def _files(request: RunRequest) -> RunFiles:
         else load_station(procedure.station, beside=beside)
     )
     _check_site(station)
+    limits.require(procedure.measured())
     return RunFiles(procedure=procedure, limits=limits, station=station)
 
 

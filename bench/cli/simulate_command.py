@@ -51,8 +51,11 @@ def simulator_options(
     Raises
     ------
     ConfigError
-        If a fault does not exist or the recording cannot be replayed.
+        If a fault does not exist, or the memory's file cannot be one.
     """
+    if nvm is not None and (nvm.is_dir() or not nvm.parent.is_dir()):
+        message = f"--nvm must be a file in a folder that exists; instead received {nvm}"
+        raise ConfigError(message)
     try:
         return SimulatorOptions(
             serial=serial,
@@ -65,7 +68,14 @@ def simulator_options(
             declination_deg=station.declination_deg,
         )
     except (ValueError, OSError) as error:
-        raise ConfigError(str(error)) from error
+        raise refused(error) from error
+
+
+def refused(error: ValueError | OSError) -> ConfigError:
+    """Return the error of an option that the virtual devices do not take."""
+    if isinstance(error, OSError) and error.filename is not None:
+        return ConfigError(f"{error.filename} cannot be used: {error.strerror}")
+    return ConfigError(str(error))
 
 
 def simulate_devices(request: SimulateRequest) -> int:
@@ -110,7 +120,7 @@ def simulate_devices(request: SimulateRequest) -> int:
             clock=clock,
         )
     except (ValueError, OSError) as error:
-        raise ConfigError(str(error)) from error
+        raise refused(error) from error
     finally:
         link.close()
     return 0

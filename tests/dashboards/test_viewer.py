@@ -23,12 +23,16 @@ def has_vulkan() -> bool:
     not (sys.platform == "linux" and has_vulkan()),
     reason="no Vulkan driver: the dashboard cannot be rendered (mesa-vulkan-drivers has one)",
 )
-def test_dashboard_renders_without_a_complaint(recorded: Recorded, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["recorded", "failed"])
+def test_dashboard_renders_without_a_complaint(
+    name: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
     from dashboards.viewer import take_picture
 
+    run: Recorded = request.getfixturevalue(name)
     picture = tmp_path / "dashboard.png"
 
-    complaints = take_picture(recorded.folder / "run.rrd", picture)
+    complaints = take_picture(run.folder / "run.rrd", picture)
 
     assert complaints == []
     header = picture.read_bytes()[:24]

@@ -112,7 +112,7 @@ def test_the_main_procedure_has_the_poses_of_the_issue():
     level = [a for a in verified if a.pitch_deg == a.roll_deg == 0.0]
     assert (len(level), len(verified) - len(level)) == (24, 24)
     assert not set(verified) & {pose.attitude for pose in sweep} | set(verified) & set(tilted)
-    assert len(steps["returns"].poses()) == 16
+    assert len(steps["returns"].poses()) == 32
     assert all(
         pose.dwell_s == 0.5 for name in steps for pose in steps[name].poses() if name != "noise"
     )

@@ -19,7 +19,9 @@ from bench.bus import BenchBus, detect_mode
 from bench.errors import BusFault
 from bench.module import Module
 from devices.coefficient_store import CoefficientStore
+from devices.simulator import SimulatorOptions, build_host
 from protocols.clock import SimulatedClock
+from protocols.link import Wire
 from protocols.pycan_link import PyCanLink
 from protocols.uds import (
     DEFAULT_COEFFICIENTS,
@@ -117,26 +119,25 @@ def killed_after(forge, options, nvm, trip):
         first.module.diagnostics.write_coefficients(NEW)
         pytest.fail(f"nobody was killed by {trip}")
     assert first.process.wait(5.0) == -signal.SIGKILL
-    with Station(forge, options, nvm) as second:
-        found = second.module.diagnostics.read_coefficients()
+    found = in_use(nvm)
     assert pack_coefficients(found) == pack_coefficients(stored(nvm))
     return found
 
 
-@pytest.mark.parametrize(
-    "trip",
-    [
-        {"way": "in", "id": REQUEST, "begins": "2a"},
-        {"way": "out", "id": RESPONSE, "begins": "036e0101"},
-        {"way": "in", "id": REQUEST, "begins": COMMIT},
-    ],
-    ids=["amid the bank", "before the commit", "at the commit"],
-)
+def in_use(nvm):
+    """Switch a module with this memory on and ask it which coefficients it uses."""
+    wire = Wire()
+    wire.add_server(build_host(SimulatorOptions(nvm=nvm), wire.attach()).serve)
+    module = Module(BenchBus(wire.attach(), SimulatedClock()))
+    module.wait_ready()
+    return module.diagnostics.read_coefficients()
+
+
 def test_a_run_whose_module_is_killed_amid_the_write_is_an_error_with_a_record(
-    forge, bus, short_procedure, tmp_path, trip
+    forge, bus, short_procedure, tmp_path
 ):
     out, nvm = tmp_path / "runs", tmp_path / "module.nvm"
-    killed = {**trip, "count": 1, "signal": signal.SIGKILL}
+    killed = {"way": "in", "id": REQUEST, "begins": COMMIT, "count": 1, "signal": signal.SIGKILL}
     forge.start("simulate", *bus, "--nvm", nvm, trips=(killed,)).until_it_says("in lock-step")
 
     run = forge.start(
