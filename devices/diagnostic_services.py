@@ -189,14 +189,9 @@ class DiagnosticServices:
     def _write_staged(self, bank: bytes) -> None:
         self.require_length(bank, uds.BANK_LENGTH)
         try:
-            values = uds.unpack_coefficients(bank)
+            self._firmware.stage(bank)
         except FrameError as error:
             raise NegativeResponse(Nrc.REQUEST_OUT_OF_RANGE) from error
-        numbers = values.mag_offset_mg + values.mag_matrix
-        if not all(map(math.isfinite, numbers + values.accel_offset_g + values.accel_matrix)):
-            raise NegativeResponse(Nrc.REQUEST_OUT_OF_RANGE)
-        try:
-            self._firmware.stage(bank)
         except RuntimeError as error:
             raise NegativeResponse(Nrc.CONDITIONS_NOT_CORRECT) from error
         except OSError as error:

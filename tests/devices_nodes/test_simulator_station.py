@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 
@@ -67,7 +68,7 @@ def test_coefficients_outlive_the_process_in_the_file(make_station, tmp_path):
     first = make_station(nvm=nvm)
     first.tick(40)
     first.unlock()
-    bank = uds.pack_coefficients(uds.DEFAULT_COEFFICIENTS)
+    bank = uds.pack_coefficients(replace(uds.DEFAULT_COEFFICIENTS, version=1))
     first.request(b"\x2e\x01\x01" + bank)
     first.request(b"\x31\x01\x02\x02")
 

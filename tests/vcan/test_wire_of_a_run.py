@@ -25,6 +25,7 @@ from protocols import compass, j1939, uds
 from protocols.canopen import AXIS_NODES, BENCH_NODE
 
 if TYPE_CHECKING:
+    import socket
     from collections.abc import Callable
     from contextlib import AbstractContextManager
 
@@ -55,7 +56,8 @@ def command(*words: str) -> str:
 
 def dissected(log: Path, *words: str) -> list[list[str]]:
     """Return the fields that a tshark command of the page prints for a log."""
-    argv = shlex.split(command("tshark", *words).replace("bus.log", str(log)))
+    argv = shlex.split(command("tshark", *words))
+    argv = [str(log) if word in ("bus.log", "uds.pcapng") else word for word in argv]
     done = subprocess.run(argv, capture_output=True, text=True, check=True)
     return [line.split("\t") for line in done.stdout.splitlines()]
 
@@ -76,6 +78,16 @@ def log(recorded_run: Any) -> Path:
 
 
 @pytest.fixture(scope="module")
+def diagnostics(log: Path) -> Path:
+    """Return the diagnostic frames of the run, cut out by the page's command."""
+    cut_out = log.with_name("uds.pcapng")
+    argv = shlex.split(command("tshark", "-w uds.pcapng"))
+    files = {"bus.log": str(log), "uds.pcapng": str(cut_out)}
+    subprocess.run([files.get(word, word) for word in argv], check=True, capture_output=True)
+    return cut_out
+
+
+@pytest.fixture(scope="module")
 def ticks(log: Path) -> dict[int, list[str]]:
     """Return the lines of the log by the bench's tick in which they were sent."""
     found: dict[int, list[str]] = {}
@@ -87,7 +99,7 @@ def ticks(log: Path) -> dict[int, list[str]]:
 
 
 def test_candump_heard_every_frame_that_the_bench_recorded(recorded_run: Any) -> None:
-    heard = sum(1 for _ in recorded_run.log.open())
+    heard = len(recorded_run.log.read_text().splitlines())
 
     # the probe's tick, and the drives' boot-up frames before it, are not the run's
     assert 0 <= heard - recorded_run.done.record["bus"]["frames"] <= 20
@@ -142,8 +154,8 @@ def test_tshark_reads_the_rig_of_the_run_as_canopen(log: Path, ticks: dict[int, 
         assert (0x200 + node, "PDO1 (rx)") in told
         assert (0x600 + node, "Default-SDO (rx): Initiate download request") in told
         assert (0x580 + node, "Default-SDO (tx): Initiate download response") in told
-        assert (0x700 + node, f"NMT Error Control: Operational [0x{node:02x}]") in told
-    assert (0x700 + BENCH_NODE, f"NMT Error Control: Operational [0x{BENCH_NODE:02x}]") in told
+        assert (0x700 + node, f"NMT Error Control: Operational [0x{node:x}]") in told
+    assert (0x700 + BENCH_NODE, f"NMT Error Control: Operational [0x{BENCH_NODE:x}]") in told
     assert not [words for _, words in told if "Abort" in words or "Malformed" in words]
 
 
@@ -157,9 +169,9 @@ def test_tshark_shows_who_watches_the_benchs_heartbeat_and_no_emergency(log: Pat
 
 @needs_tshark
 def test_tshark_reassembles_the_coefficients_that_the_run_wrote(
-    log: Path, recorded_run: Any
+    diagnostics: Path, recorded_run: Any
 ) -> None:
-    rows = dissected(log, "uds.wdbi.data_identifier == 0x0101")
+    rows = dissected(diagnostics, "uds.wdbi.data_identifier == 0x0101")
     requests = [row for row in rows if row[2] == "0x00"]
     written = uds.unpack_coefficients(bytes.fromhex(requests[0][3]))
     recorded = recorded_run.done.record["coefficients"]["written"]
@@ -173,12 +185,12 @@ def test_tshark_reassembles_the_coefficients_that_the_run_wrote(
 
 
 @needs_tshark
-def test_tshark_reads_every_service_and_no_negative_response(log: Path) -> None:
-    rows = dissected(log, '-Y "uds" -T')
+def test_tshark_reads_every_service_and_no_negative_response(diagnostics: Path) -> None:
+    rows = dissected(diagnostics, '-Y "uds" -T')
 
     services = {int(row[1], 0) for row in rows if row[1]}
     assert {0x10, 0x11, 0x22, 0x27, 0x2E, 0x31} <= services
-    assert dissected(log, "uds.err.code") == []
+    assert dissected(diagnostics, "uds.err.code") == []
 
 
 @needs_tshark
@@ -195,8 +207,15 @@ def test_tshark_reads_the_module_of_the_run_as_j1939(log: Path, recorded_run: An
     assert {tuple(map(int, row)) for row in heading} == {(j1939.MODULE_ADDRESS, 8)}
 
 
+def until_it_speaks(node: socket.socket) -> None:
+    """Wait until the module has started: it sends its heading."""
+    while int.from_bytes(node.recv(16)[:4], sys.byteorder) != compass.heading_id(0x80):
+        pass
+
+
 def test_udsoncans_own_client_reads_the_serial_of_a_free_running_module(
     station: Callable[..., AbstractContextManager[int]],
+    node: socket.socket,
 ) -> None:
     simulate = command("compass-bench simulate")
     assert "--free-running" in simulate
@@ -204,6 +223,7 @@ def test_udsoncans_own_client_reads_the_serial_of_a_free_running_module(
     said = io.StringIO()
 
     with station(free_running=True), contextlib.redirect_stdout(said):
+        until_it_speaks(node)
         exec(compile(program, str(PAGE), "exec"), {})  # noqa: S102
 
     assert said.getvalue() == "SN0001\n"

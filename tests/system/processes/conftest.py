@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -66,11 +67,13 @@ class Forge:
     server: subprocess.Popen[str]
     folder: Path
     running: list[Process] = field(default_factory=list)
+    talking: threading.Lock = field(default_factory=threading.Lock)
 
     def ask(self, order: object) -> int | None:
-        self.server.stdin.write(json.dumps(order) + "\n")
-        self.server.stdin.flush()
-        return json.loads(self.server.stdout.readline())
+        with self.talking:
+            self.server.stdin.write(json.dumps(order) + "\n")
+            self.server.stdin.flush()
+            return json.loads(self.server.stdout.readline())
 
     def start(self, *argv: object, trips: tuple[dict, ...] = ()) -> Process:
         """Start `compass-bench ARGV`."""
@@ -124,7 +127,3 @@ def short_procedure(tmp_path_factory):
     path = tmp_path_factory.mktemp("procedures") / "short.yaml"
     path.write_text((HERE / "short.yaml").read_text())
     return path
-
-
-def record_of(out: Path) -> dict:
-    return json.loads((out / "latest" / "record.json").read_text())

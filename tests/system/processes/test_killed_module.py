@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import signal
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -39,6 +40,7 @@ NEW = dataclasses.replace(
     accel_matrix=(1.25, 0.5, 0.25, 0.125, 1.5, -0.25, 0.5, 0.75, 1.75),
 )
 REQUEST, RESPONSE = physical_request_id(0x80), physical_response_id(0x80)
+AT_A_TIME = 6
 COMMIT = "0431010202"
 
 
@@ -99,16 +101,21 @@ def test_a_module_killed_after_any_frame_has_the_old_coefficients_or_the_new(
     requests = [data for can_id, data in frames if can_id == REQUEST]
     commit = 1 + next(n for n, data in enumerate(requests) if data.hex().startswith(COMMIT))
 
-    after = {}
-    for way, can_id in (("in", REQUEST), ("out", RESPONSE)):
-        for number in range(1, 1 + sum(identifier == can_id for identifier, _ in frames)):
-            nvm = tmp_path / f"{way}-{number}.nvm"
-            trip = {"way": way, "id": can_id, "count": number, "signal": signal.SIGKILL}
-            after[way, number] = killed_after(forge, (*bus, new_group()), nvm, trip)
+    def killed(way_and_number):
+        way, number = way_and_number
+        can_id = REQUEST if way == "in" else RESPONSE
+        trip = {"way": way, "id": can_id, "count": number, "signal": signal.SIGKILL}
+        nvm = tmp_path / f"{way}-{number}.nvm"
+        return way_and_number, killed_after(forge, (*bus, new_group()), nvm, trip)
+
+    ways = [("in", n + 1) for n in range(len(requests))]
+    ways += [("out", n + 1) for n in range(len(frames) - len(requests))]
+    with ThreadPoolExecutor(AT_A_TIME) as pool:  # most of the time they wait for the dead
+        after = list(pool.map(killed, ways))
 
     assert len(after) == len(frames) > 40
     old, new = DEFAULT_COEFFICIENTS, NEW
-    for (way, number), found in after.items():
+    for (way, number), found in after:
         assert found in (old, new), f"a mixture after frame {number} {way}: {found}"
         if way == "in":
             assert found == (old if number < commit else new), f"after request {number}"
