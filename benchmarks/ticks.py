@@ -50,6 +50,9 @@ TARGET_TICKS_PER_S = 10_000.0
 TARGET_RATIO = 5.0
 
 
+_new = tuple.__new__  # as the wire makes its frames
+
+
 class Wiring(NamedTuple):
     """A way from the bench to its devices."""
 
@@ -76,6 +79,7 @@ class DirectLink:
 
     def __init__(self, clock: SimulatedClock) -> None:
         self._clock = clock
+        self._now_ns = 0
         self._requests: deque[Frame] = deque()
         self._done: Frame | None = None
         self.serve: Callable[[], None] | None = None
@@ -84,13 +88,14 @@ class DirectLink:
 
     def send(self, can_id: int, data: bytes) -> None:
         """Keep a request of the bench; SYNC lets the devices work at once."""
-        self._requests.append(Frame(self._clock.now_ns(), can_id, data))
+        self._now_ns = self._clock.now_ns()
+        self._requests.append(_new(Frame, (self._now_ns, can_id, data)))
         if can_id == SYNC_ID and self.serve is not None:
             self.serve()
 
     def answer(self, can_id: int, data: bytes) -> None:
         """Hand a frame of the devices to its subscriber; keep tick-done for `poll`."""
-        frame = Frame(self._clock.now_ns(), can_id, data)
+        frame = _new(Frame, (self._now_ns, can_id, data))
         if can_id == TICK_DONE_ID or self.deliver is None:
             self._done = frame
         else:

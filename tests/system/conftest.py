@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from bench.pose import Pose
     from bench.procedure import Procedure
     from devices.host import Host
+    from protocols.link import Link
 
 
 @dataclass
@@ -109,11 +110,12 @@ def _prepare(
     faults: tuple[str, ...] = (),
     replay: Path | None = None,
     nvm: Path | None = None,
+    between: Callable[[Link], Link] = lambda link: link,
 ) -> InProcessRun:
     loaded = load_procedure(procedure) if isinstance(procedure, str) else procedure
     wire = Wire()
     options = SimulatorOptions(serial=serial, seed=seed, faults=faults, replay=replay, nvm=nvm)
-    host = build_host(options, wire.attach())
+    host = build_host(options, between(wire.attach()))
     wire.add_server(host.serve)
     bus = BenchBus(wire.attach(), SimulatedClock())
     module = Module(bus)

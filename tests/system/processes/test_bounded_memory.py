@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import time
-
 from pathlib import Path
 
 import pytest
@@ -29,6 +28,7 @@ title: Wait
 description: Listen to the module for a long time.
 limits: min_max
 steps:
+  - {{kind: check_bus, name: bus}}
   - {{kind: identify, name: identify}}
   - {{kind: wait, name: wait, duration: {ticks / 100:g} s}}
 """
