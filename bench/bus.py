@@ -17,7 +17,7 @@ from bench.load_meter import LoadMeter
 from bench.mode_detection import detect_mode
 from protocols.canopen import BENCH_NODE, STATE_OPERATIONAL, heartbeat_id
 from protocols.clock import MonotonicClock, SimulatedClock
-from protocols.errors import LinkError
+from protocols.errors import LinkError, ProtocolError
 from protocols.frame import EXTENDED
 from protocols.link import WirePort
 from protocols.sync import SYNC_COUNTER_OVERFLOW, SYNC_DATA, SYNC_ID, TICK_DONE_ID, TICK_NS, TICK_S
@@ -186,6 +186,7 @@ class BenchBus:
         try:
             link.send(can_id, data)
         except LinkError as error:
+            self._watch.check()  # bus off says more than a frame that was not taken
             raise BusFault(str(error)) from error
         self._block.append((self._now_ns, can_id | SENT, data))
 
@@ -211,7 +212,8 @@ class BenchBus:
         self.tick_count += 1
         try:
             self._exchange()
-        except LinkError as error:
+        except ProtocolError as error:  # a frame that cannot be read ends the run as well
+            self._watch.check()
             raise BusFault(str(error)) from error
         if len(self._block) >= BLOCK_FRAMES:
             self.flush()
@@ -299,7 +301,7 @@ class BenchBus:
             self._drain(self._module_link)
 
     def _read_tick(self, link: Link) -> None:
-        poll, counter = link.poll, self._counter
+        poll, counter = link.poll, SYNC_DATA[self._counter]
         handler_of, record = self._handlers.get, self._block.append
         while True:
             frame = poll() or self._wait_for_simulator(link)
@@ -308,7 +310,7 @@ class BenchBus:
             handler = handler_of(can_id)
             if handler is not None:
                 handler(frame)
-            elif can_id == TICK_DONE_ID and frame[2][4] == counter:
+            elif can_id == TICK_DONE_ID and frame[2][4:5] == counter:
                 return
 
     def _wait_for_simulator(self, link: Link) -> Frame:

@@ -36,7 +36,8 @@ FAULT_NAMES: Final[dict[type[Exception], str]] = {
     RigFault: "rig_fault",
     BusFault: "bus_fault",
 }
-"""What stands as the first failure of a run that no measurement has failed."""
+OTHER_FAULT: Final = "bench_fault"
+"""What stands as the first failure of a run that ended by an error before any measurement did."""
 
 
 class _Stopped(Exception):  # noqa: N818  (ends the procedure, is no error)
@@ -96,6 +97,7 @@ class _Run:
         self._procedure = procedure
         self._context = context
         self._attempts: Counter[str] = Counter()
+        self._step_name = ""
 
     def steps(self) -> tuple[str | None, str | None]:
         """Run all steps; return the sentences of an error and of an abort, or None."""
@@ -116,13 +118,14 @@ class _Run:
             context.event("aborted", signal=SIGINT_NUMBER)
             return None, str(Aborted(SIGINT_NUMBER))
         except (BenchError, ProtocolError) as fault:
-            context.fault_name = FAULT_NAMES.get(type(fault))
+            context.fault_name = FAULT_NAMES.get(type(fault), OTHER_FAULT)
             context.event("error", error=type(fault).__name__, message=str(fault))
             return str(fault), None
         except Exception as fault:  # a fault of the bench's own must park the rig as well
-            _log.exception("step %s failed", context.step_name)
+            _log.exception("step %s failed", self._step_name)
+            context.fault_name = OTHER_FAULT
             context.event("error", error=type(fault).__name__, message=str(fault))
-            return f"step {context.step_name} failed: {type(fault).__name__}: {fault}", None
+            return f"step {self._step_name} failed: {type(fault).__name__}: {fault}", None
         return None, None
 
     def run_step(self, step: Step, suffix: str = "") -> None:
@@ -149,6 +152,7 @@ class _Run:
         self._attempts[name] += 1
         outer = context.step_name, context.attempt
         context.step_name, context.attempt = name, self._attempts[name]
+        self._step_name = name
         begun = context.mark()
         context.recorder.step_started(name, step.kind, context.attempt)
         context.progress.step_started(context.state)

@@ -35,7 +35,7 @@ SENTENCES: Final = {
         f"{_WIRING}, or raise its txqueuelen"
     ),
 }
-"""By fault that makes a run an ERROR; `error_warning` is only written down."""
+"""By fault that makes a run an ERROR, what says most first; `error_warning` is only recorded."""
 
 
 class LinkWatch:
@@ -73,8 +73,8 @@ class LinkWatch:
         """
         for number, link in enumerate(self._links):
             counts: dict[str, int] = getattr(link, "fault_counts", {})
-            for fault, count in counts.items():
-                if fault in SENTENCES and (number, fault) not in self._told:
+            for fault, sentence in SENTENCES.items():
+                if fault in counts and (number, fault) not in self._told:
                     self._told.add((number, fault))
                     channel = getattr(link, "channel", "")
-                    raise BusFault(SENTENCES[fault].format(channel=channel, count=count))
+                    raise BusFault(sentence.format(channel=channel, count=counts[fault]))

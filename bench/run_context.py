@@ -76,8 +76,8 @@ class RunContext:
     before, written : Coefficients or None
         The module's coefficients before the write, and those that were written.
     fault_name : str or None
-        ``module_silent``, ``rig_fault``, ``bus_fault``: what ended the run in the place of a
-        measurement.
+        ``module_silent``, ``module_refused``, ``rig_fault``, ``bus_fault``, ``bench_fault``:
+        what ended the run in the place of a measurement.
     not_available : set of str
         Measurements that this unit or recording cannot give; the verdict does without them.
     verified, completed : bool

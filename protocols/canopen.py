@@ -88,8 +88,18 @@ def pack_tpdo1(statusword: int, position: int) -> bytes:
 
 
 def unpack_tpdo1(data: bytes) -> tuple[int, int]:
-    """Return (statusword, position in counts)."""
-    return _TPDO.unpack(data)
+    """Return (statusword, position in counts).
+
+    Raises
+    ------
+    FrameError
+        If the frame has not 6 bytes.
+    """
+    try:
+        return _TPDO.unpack(data)
+    except struct.error as error:
+        sentence = f"drive status must be {_TPDO.size} bytes; instead received {len(data)}"
+        raise FrameError(sentence) from error
 
 
 def pack_rpdo1(controlword: int, target: int) -> bytes:

@@ -18,6 +18,7 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from protocols.errors import FrameError
 from protocols.j1939 import PGN_VEHICLE_DIRECTION, pdu_id
 
 if TYPE_CHECKING:
@@ -178,7 +179,16 @@ def pack_status(status: Status) -> bytes:
 
 
 def unpack_status(data: bytes) -> Status:
-    """Return temperature, supply, flags, boot count and number of trouble codes."""
+    """Return temperature, supply, flags, boot count and number of trouble codes.
+
+    Raises
+    ------
+    FrameError
+        If the frame has not 8 bytes.
+    """
+    if len(data) != _STATUS.size:
+        sentence = f"module status must be {_STATUS.size} bytes; instead received {len(data)}"
+        raise FrameError(sentence)
     temperature, supply, flags, boots, dtc_count, _ = _STATUS.unpack(data)
     return Status(
         temperature * TEMPERATURE_C_PER_COUNT, supply * SUPPLY_V_PER_COUNT, flags, boots, dtc_count

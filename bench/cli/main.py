@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from bench.cli import options
+from bench.cli import layout_options, options
 from bench.errors import Aborted, BenchError
 
 app = typer.Typer(
@@ -43,7 +43,7 @@ def run(  # noqa: PLR0913 - one parameter an option of the command line
     limits: options.Limits = None,
     out: options.Out = Path("runs"),
     seed: options.Seed = 1,
-    fault: options.Fault = None,
+    faults: options.Faults = None,
     nvm: options.Nvm = None,
     replay: options.Replay = None,
     *,
@@ -59,29 +59,10 @@ def run(  # noqa: PLR0913 - one parameter an option of the command line
     ] = True,
 ) -> None:
     """Run a procedure on one unit; exit 0 PASS, 1 FAIL, 3 MARGINAL, 4 ERROR."""
+    given = {**locals(), "faults": tuple(faults or ())}  # options by their names in RunRequest
     from bench.cli.run_command import RunRequest, run_procedure
 
-    request = RunRequest(
-        procedure=procedure,
-        serial=serial,
-        interface=interface,
-        channel=channel,
-        bitrate=bitrate,
-        rig_interface=rig_interface,
-        rig_channel=rig_channel,
-        site=site,
-        limits=limits,
-        out=out,
-        seed=seed,
-        faults=tuple(fault or ()),
-        nvm=nvm,
-        replay=replay,
-        json=json,
-        realtime=realtime,
-        no_input=no_input,
-        dashboard=dashboard,
-    )
-    raise typer.Exit(run_procedure(request))
+    raise typer.Exit(run_procedure(RunRequest(**given)))
 
 
 @app.command()
@@ -94,7 +75,7 @@ def simulate(  # noqa: PLR0913 - one parameter an option of the command line
     ] = "SN0001",
     site: options.Site = None,
     seed: options.Seed = 1,
-    fault: options.Fault = None,
+    faults: options.Faults = None,
     nvm: options.Nvm = None,
     replay: options.Replay = None,
     seconds: Annotated[
@@ -107,22 +88,10 @@ def simulate(  # noqa: PLR0913 - one parameter an option of the command line
     ] = False,
 ) -> None:
     """Run the virtual rig and module as a process of their own, on any channel."""
+    given = {**locals(), "faults": tuple(faults or ())}  # options by their names in SimulateRequest
     from bench.cli.simulate_command import SimulateRequest, simulate_devices
 
-    request = SimulateRequest(
-        interface=interface,
-        channel=channel,
-        bitrate=bitrate,
-        serial=serial,
-        site=site,
-        seed=seed,
-        faults=tuple(fault or ()),
-        nvm=nvm,
-        replay=replay,
-        seconds=seconds,
-        free_running=free_running,
-    )
-    raise typer.Exit(simulate_devices(request))
+    raise typer.Exit(simulate_devices(SimulateRequest(**given)))
 
 
 @app.command()
@@ -176,78 +145,32 @@ def fit(
 def import_(  # noqa: PLR0913 - one parameter an option of the command line
     source: Annotated[Path, typer.Argument(help="Foreign recording with the magnetometer.")],
     target: Annotated[Path, typer.Argument(help="CSV of the product to write.")],
-    preset: Annotated[
-        str | None, typer.Option("--preset", help="Known format; `list` names them.")
-    ] = None,
-    accel: Annotated[
-        Path | None, typer.Option("--accel", help="Second file with the accelerometer.")
-    ] = None,
-    columns: options.Names = None,
-    accel_columns: options.Names = None,
-    field: Annotated[
-        str | None, typer.Option("--field", help="Columns of the magnetometer's x, y, z.")
-    ] = None,
-    accel_field: Annotated[
-        str | None, typer.Option("--accel-field", help="Columns of the accelerometer's x, y, z.")
-    ] = None,
-    quaternion: Annotated[
-        str | None,
-        typer.Option("--quaternion", help="Columns w, x, y, z, from the sensor to ENU."),
-    ] = None,
-    unit: options.FieldUnit = None,
-    accel_unit: Annotated[
-        str | None, typer.Option("--accel-unit", help="g, mg, m/s2 or counts.")
-    ] = None,
-    mg_per_count: Annotated[
-        float | None, typer.Option("--mg-per-count", min=0.0, help="Size of a count.")
-    ] = None,
-    g_per_count: Annotated[
-        float | None, typer.Option("--g-per-count", min=0.0, help="Size of a count.")
-    ] = None,
-    axes: Annotated[
-        str | None,
-        typer.Option("--axes", help="Sensor's axes along forward, right, down: x,-y,-z."),
-    ] = None,
-    accel_axes: Annotated[
-        str | None, typer.Option("--accel-axes", help="As --axes, of the accelerometer.")
-    ] = None,
-    time: Annotated[str | None, typer.Option("--time", help="Column of the time in s.")] = None,
-    rate_hz: Annotated[
-        float | None, typer.Option("--rate", min=0.001, help="Rate without a time column, Hz.")
-    ] = None,
-    skip_rows: Annotated[
-        int | None, typer.Option("--skip-rows", min=0, help="Lines before the data or its header.")
-    ] = None,
-    delimiter: Annotated[
-        str | None, typer.Option("--delimiter", help="Separator; found by itself without.")
-    ] = None,
-    resample: Annotated[
-        str | None,
-        typer.Option("--resample", help="Second file onto the first: linear or nearest."),
-    ] = None,
+    preset: layout_options.Preset = None,
+    accelerometer: layout_options.Accelerometer = None,
+    columns: layout_options.Columns = None,
+    accel_columns: layout_options.AccelColumns = None,
+    field: layout_options.Field = None,
+    accel: layout_options.Accel = None,
+    quaternion: layout_options.Quaternion = None,
+    field_unit: options.FieldUnit = None,
+    accel_unit: layout_options.AccelUnit = None,
+    mg_per_count: layout_options.MgPerCount = None,
+    g_per_count: layout_options.GPerCount = None,
+    field_axes: layout_options.FieldAxes = None,
+    accel_axes: layout_options.AccelAxes = None,
+    time: layout_options.Time = None,
+    rate_hz: layout_options.Rate = None,
+    skip_lines: layout_options.SkipLines = None,
+    delimiter: layout_options.Delimiter = None,
+    resample: layout_options.Resample = None,
 ) -> None:
     """Bring a foreign recording into the product's CSV."""
-    from bench.cli.recording_commands import import_recording, names
+    layout = dict(locals())  # every option by its name, as ImportOptions calls it too
+    from bench.cli.recording_commands import import_recording
 
-    layout = {
-        "columns": names(columns),
-        "accel_columns": names(accel_columns),
-        "field": names(field),
-        "accel": names(accel_field),
-        "quaternion": names(quaternion),
-        "field_unit": unit,
-        "accel_unit": accel_unit,
-        "mg_per_count": mg_per_count,
-        "g_per_count": g_per_count,
-        "field_axes": axes,
-        "accel_axes": accel_axes,
-        "time": time,
-        "rate_hz": rate_hz,
-        "skip_lines": skip_rows,
-        "delimiter": delimiter,
-        "resample": resample,
-    }
-    raise typer.Exit(import_recording(source, target, preset, accel, layout))
+    for name in ("source", "target", "preset", "accelerometer"):
+        del layout[name]
+    raise typer.Exit(import_recording(source, target, preset, accelerometer, layout))
 
 
 @app.command()

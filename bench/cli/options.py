@@ -33,7 +33,7 @@ Serial = Annotated[
     str | None, typer.Option("--serial", help="Serial number scanned from the unit.")
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the virtual devices.")]
-Fault = Annotated[
+Faults = Annotated[
     list[str] | None,
     typer.Option(
         "--fault", help="Inject NAME[=strength][@tick] into the virtual devices; repeatable."
@@ -56,7 +56,4 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on 
 Out = Annotated[Path, typer.Option("--out", help="Folder for the records of runs.")]
 FieldUnit = Annotated[
     str | None, typer.Option("--unit", help="Unit of the magnetometer: G, mG, uT, nT or counts.")
-]
-Names = Annotated[
-    str | None, typer.Option(help="Names of the columns of a file without a header, in order.")
 ]

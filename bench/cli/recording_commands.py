@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as json_module
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import typer
@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from bench.recordings import Recording
+
+
+_LISTS: Final = {"columns": None, "accel_columns": None, "field": 3, "accel": 3, "quaternion": 4}
+"""Options that list columns, with the number that they need."""
 
 
 def import_recording(
@@ -62,21 +66,18 @@ def import_recording(
 
 
 def _options(preset_name: str | None, layout: dict[str, Any]) -> ImportOptions:
-    for name, count in (("field", 3), ("accel", 3), ("quaternion", 4)):
-        given = layout[name]
-        if given is not None and len(given) != count:
-            message = f"{name} must name {count} columns; instead received {','.join(given)}"
-            raise ConfigError(message)
+    given = {name: value for name, value in layout.items() if value is not None}
+    for name, count in _LISTS.items():
+        if name in given:
+            given[name] = tuple(part.strip() for part in given[name].split(","))
+            if count is not None and len(given[name]) != count:
+                message = f"{name} must name {count} columns; instead received {layout[name]}"
+                raise ConfigError(message)
     if layout["resample"] not in (None, "nearest", "linear"):
         message = f"--resample must be nearest or linear; instead received {layout['resample']!r}"
         raise ConfigError(message)
     options = preset(preset_name) if preset_name else ImportOptions()
-    return replace(options, **{name: value for name, value in layout.items() if value is not None})
-
-
-def names(text: str | None) -> tuple[str, ...] | None:
-    """Return the names in a list with commas."""
-    return None if text is None else tuple(name.strip() for name in text.split(","))
+    return replace(options, **given)
 
 
 def fit_recording(

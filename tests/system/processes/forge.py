@@ -18,10 +18,11 @@ import json
 import os
 import sys
 
+import canopen
+
 import bench.cli.run_command
 import bench.cli.simulate_command
 import bench.diagnostics
-import canopen
 import devices.simulator
 from bench.calibration import methods
 from bench.cli.main import main
@@ -125,4 +126,5 @@ def answer(order):
 
 if __name__ == "__main__":
     for line in sys.stdin:
-        print(json.dumps(answer(json.loads(line))), flush=True)
+        sys.stdout.write(json.dumps(answer(json.loads(line))) + "\n")
+        sys.stdout.flush()
