@@ -260,19 +260,28 @@ class BenchBus:
             self.tick()
 
     def flush(self) -> None:
-        """Hand the frames collected so far to the sinks."""
+        """Hand the frames collected so far to the sinks; one that fails gets no more of them."""
         if not self._block:
             return
         block = frames_of(self._block)
         self._block.clear()
-        for sink in self._sinks:
-            sink(block)
+        failed: list[Exception] = []
+        for sink in tuple(self._sinks):
+            try:
+                sink(block)
+            except Exception as fault:  # told once: teardown must be able to tick on
+                self._sinks.remove(sink)
+                failed.append(fault)
+        if failed:
+            raise failed[0]
 
     def close(self) -> None:
         """Hand over the last frames and leave the bus."""
-        self.flush()
-        for link in self._links:
-            link.close()
+        try:
+            self.flush()
+        finally:
+            for link in self._links:
+                link.close()
 
     def _exchange_for(self, clock: SimulatedClock | MonotonicClock) -> Callable[[], None]:
         if self.mode == "lockstep" and isinstance(clock, SimulatedClock):

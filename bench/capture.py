@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from contextlib import suppress
 from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
@@ -101,12 +102,24 @@ class Capture:
             raise BenchNotReady(message) from error
 
     def close(self) -> None:
-        """Complete the header; may be called twice."""
+        """Complete the header; may be called twice.
+
+        Raises
+        ------
+        BenchNotReady
+            If the disk does not take the rest.
+        """
         if self._file.closed:
             return
-        self._file.seek(0)
-        self._write_header()
-        self._file.close()
+        try:
+            self._file.seek(0)
+            self._write_header()
+            self._file.close()
+        except OSError as error:
+            with suppress(OSError):  # closes it, and says once more that the disk is full
+                self._file.close()
+            message = f"capture {self.path} cannot be completed: {error.strerror}; free the disk"
+            raise BenchNotReady(message) from error
 
     def __enter__(self) -> Self:
         return self

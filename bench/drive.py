@@ -55,6 +55,8 @@ class Drive:
 
     Attributes
     ----------
+    received_ns : int
+        When status and counts were received.
     statusword, counts : int
         As last received.
     target : int
@@ -76,6 +78,7 @@ class Drive:
         self.sdo = SdoClient(bus, node_id, axis, objects)
         self.statusword = 0
         self.counts = 0
+        self.received_ns = 0
         self.target = 0
         self.last_tick = bus.tick_count
         self.emergency = 0
@@ -201,6 +204,7 @@ class Drive:
 
     def _on_tpdo(self, frame: Frame) -> None:
         self.statusword, self.counts = unpack_tpdo1(frame[2])
+        self.received_ns = frame[0]
         self.last_tick = self._bus.tick_count
 
     def _on_emergency(self, frame: Frame) -> None:

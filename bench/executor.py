@@ -185,6 +185,8 @@ class _Run:
         for name, action in (("record the bus", self._context.record_bus), *self._context.finish):
             try:
                 action()
+            except BenchError as fault:
+                failures.append(f"could not {name}: {fault}")
             except Exception as fault:  # every file is closed, whatever happens to another
                 _log.exception("could not %s", name)
                 failures.append(f"could not {name}: {fault}")

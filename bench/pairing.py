@@ -9,6 +9,8 @@ iron, and at the angular rate r a sample that is tau older than its angle reads
 
 Clockwise and counter-clockwise turns together make tau observable beside a phase of the
 installation; it is a least-squares estimate over all level moves, kept as normal equations.
+Hysteresis looks like a latency of its half width over field and rate: 0.3 mG at 250 mG and
+90 deg/s are 0.8 ms.
 """
 
 from __future__ import annotations
@@ -22,6 +24,8 @@ from bench.samples import COMPLETE, MOVING
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+PAIRED_WITHIN_NS: Final = 100_000_000
+"""Farther apart in time, a cycle and the rig's angle are no pair and not judged."""
 LEVEL_DEG: Final = 1.0
 """Pitch and roll within which a turn counts as level."""
 SLOWEST_DPS: Final = 10.0

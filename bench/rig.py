@@ -104,6 +104,11 @@ class Rig:
         return self._azimuth.counts, self._pitch.counts, self._roll.counts
 
     @property
+    def received_ns(self) -> int:
+        """When the oldest of these counts was received, on the bench's clock in ns."""
+        return min(drive.received_ns for drive in self.drives)
+
+    @property
     def attitude(self) -> Attitude:
         """Measured attitude; the azimuth is wound, whole turns included."""
         return Attitude(

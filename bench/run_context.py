@@ -12,7 +12,8 @@ from bench.acceptance.catalogue import MEASUREMENTS
 from bench.acceptance.measurement import Measurement
 from bench.acceptance.outcome import Outcome, worst
 from bench.acceptance.verdict import judge_measurement, last_attempts
-from bench.errors import ConfigError, ModuleRefused, ModuleSilent
+from bench.errors import BusFault, ConfigError, ModuleRefused, ModuleSilent
+from bench.pairing import PAIRED_WITHIN_NS
 from bench.pose import Pose
 from bench.progress import Progress, RunState, SilentProgress
 from bench.samples import COMPLETE, READING, reading_of
@@ -231,6 +232,13 @@ class RunContext:
         rig.move_to(planned.attitude, direction=planned.direction or None)
         samples = self.collect(pose, planned.dwell_s)
         self.progress.position_reached(self.state)
+        if len(samples) < 2 and self.sample_log.unpaired:
+            message = (
+                f"module samples at position {pose.position} cannot be paired with the rig's "
+                f"angle: more than {PAIRED_WITHIN_NS * 1e-6:g} ms lie between them; check the "
+                "drives' SYNC and the load of this computer"
+            )
+            raise BusFault(message)
         if len(samples) < 2:
             message = (
                 f"module sent {len(samples)} complete cycles at position {pose.position} in "

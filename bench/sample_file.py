@@ -57,6 +57,7 @@ class SampleFile:
         ]
         self._schema = pa.schema(fields, metadata=dict(metadata))
         self._open = True
+        self._failed = False
         try:
             self._writer: Any = ParquetWriter(
                 path, self._schema, compression="zstd", use_dictionary=False
@@ -66,9 +67,17 @@ class SampleFile:
             raise BenchNotReady(message) from error
 
     def write(self, samples: NDArray[np.void]) -> None:
-        """Append a block, ndarray of SAMPLE, shape (n,)."""
+        """Append a block, ndarray of SAMPLE, shape (n,); a file that failed takes nothing more.
+
+        Raises
+        ------
+        BenchNotReady
+            If the disk does not take it, once.
+        """
         import pyarrow as pa
 
+        if self._failed:
+            return
         arrays = [
             pa.array(np.ascontiguousarray(_column(samples, name, axis)))
             for name, axis in self._columns.values()
@@ -76,14 +85,26 @@ class SampleFile:
         try:
             self._writer.write_batch(pa.record_batch(arrays, schema=self._schema))
         except OSError as error:
+            self._failed = True
             message = f"samples cannot be written: {error}; free the disk"
             raise BenchNotReady(message) from error
 
     def close(self) -> None:
-        """Complete the file; may be called twice."""
-        if self._open:
-            self._open = False
+        """Complete the file; may be called twice.
+
+        Raises
+        ------
+        BenchNotReady
+            If the disk does not take the rest.
+        """
+        if not self._open:
+            return
+        self._open = False
+        try:
             self._writer.close()
+        except OSError as error:
+            message = f"samples cannot be completed: {error}; free the disk"
+            raise BenchNotReady(message) from error
 
 
 def read_samples(path: Path) -> NDArray[np.void]:

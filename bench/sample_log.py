@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
 import numpy as np
 
+from bench.pairing import PAIRED_WITHIN_NS
 from bench.sample_file import SampleFile, read_metadata, read_samples
 from bench.samples import MOVING, SAMPLE
 from protocols.compass import (
@@ -66,6 +67,11 @@ class PositionSource(Protocol):
         ...
 
     @property
+    def received_ns(self) -> int:
+        """When the oldest of these counts was received, on the bench's clock in ns."""
+        ...
+
+    @property
     def counts_per_deg(self) -> float:
         """Position counts in a degree."""
         ...
@@ -89,6 +95,9 @@ class SampleLog:
     ----------
     rows : int
         Rows so far.
+    unpaired : int
+        Rows of dwells without an angle of their time, on a bus whose devices run free: they
+        count as moving and are not judged.
 
     Raises
     ------
@@ -105,6 +114,7 @@ class SampleLog:
         metadata: Mapping[str, str] | None = None,
     ) -> None:
         self.rows = 0
+        self.unpaired = 0
         self.path: Final = path
         self._module = module
         self._rig = rig
@@ -112,6 +122,7 @@ class SampleLog:
         self._block: list[bytes] = []
         self._dwell: list[bytes] | None = None
         self._position = MOVING
+        self._free = module.bus.mode == "free"
         self._sinks: list[Callable[[NDArray[np.void]], None]] = []
         self._file = None if path is None else SampleFile(path, metadata or {})
         module.add_listener(self._record)
@@ -167,16 +178,23 @@ class SampleLog:
             self._follow_scales()
         azimuth, pitch, roll = (_NO_POSITION,) * 3 if rig is None else rig.counts
         status = module.status
+        position = self._position
+        if position != MOVING and self._free and not self._is_paired(t_ns):
+            position = MOVING
+            self.unpaired += 1
         row = _ROW.pack(
-            t_ns, module.bus.tick_count, self._position, complete, status[2],
+            t_ns, module.bus.tick_count, position, complete, status[2],
             azimuth, pitch, roll, status[0], group, mag_set, mag_reset, acceleration, heading,
         )  # fmt: skip
-        if self._dwell is not None:
+        if self._dwell is not None and position != MOVING:
             self._dwell.append(row)
         self._block.append(row)
         self.rows += 1
         if len(self._block) >= BLOCK_ROWS:
             self.flush()
+
+    def _is_paired(self, t_ns: int) -> bool:
+        return self._rig is None or abs(t_ns - self._rig.received_ns) <= PAIRED_WITHIN_NS
 
     def _follow_scales(self) -> None:
         scales = (self._module.mag_mg_per_count, self._module.accel_g_per_count)

@@ -2,17 +2,47 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib.metadata
 import platform
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from bench.errors import ConfigError
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 PACKAGES: Final = ("python-can", "numpy", "scipy", "canopen", "can-isotp", "udsoncan", "rerun-sdk")
+OWN_NAMES: Final = ("bench", "devices", "protocols", "dashboards")
 _FOLDERS: Final = ("bench", "protocols")
+
+
+@functools.cache
+def shared_names() -> dict[str, list[str]]:
+    """Return those of our package names that another distribution installs too, with all owners.
+
+    An editable installation owns no names, and so shares none.
+    """
+    owners = importlib.metadata.packages_distributions()
+    return {name: owners[name] for name in OWN_NAMES if len(set(owners.get(name, []))) > 1}
+
+
+def require_own_names() -> None:
+    """Refuse to test units with code that may be another distribution's (docs/decisions/0001).
+
+    Raises
+    ------
+    ConfigError
+        If a package name is shared.
+    """
+    for name, owners in shared_names().items():
+        message = (
+            f"package {name} must be compass-bench's alone; instead {' and '.join(owners)} install "
+            "it: install compass-bench into an environment of its own"
+        )
+        raise ConfigError(message)
 
 
 def software_section() -> dict[str, object]:

@@ -59,7 +59,7 @@ def _compose(path: Path) -> yaml.Node | None:
         message = f"{where}: file is not valid YAML: {error.problem or error.context}"
         raise ConfigError(message) from error
     except yaml.YAMLError as error:
-        message = f"{path}: file is not valid YAML: {error}"
+        message = f"{path}: file is not valid YAML: {' '.join(str(error).split())}"
         raise ConfigError(message) from error
 
 

@@ -129,9 +129,7 @@ def bench_heading_deg(samples: NDArray[np.void], coefficients: Coefficients) -> 
     return np.asarray(tilt_compensated_heading_deg(corrected_mg, corrected_g), dtype=float)
 
 
-def _corrected_mg(
-    field_mg: NDArray[np.float64], coefficients: Coefficients
-) -> NDArray[np.float64]:
+def _corrected_mg(field_mg: NDArray[np.float64], coefficients: Coefficients) -> NDArray[np.float64]:
     matrix = np.reshape(coefficients.mag_matrix, (3, 3))
     return np.asarray((field_mg - np.array(coefficients.mag_offset_mg)) @ matrix.T, dtype=float)
 

@@ -16,10 +16,10 @@ from typing import Final
 import typer
 
 from bench.errors import BenchError
+from bench.software import OWN_NAMES, shared_names
 from protocols.errors import ProtocolError
 
 _PACKAGES: Final = ("python-can", "numpy", "scipy", "rerun-sdk", "canopen", "can-isotp", "udsoncan")
-_OWN_NAMES: Final = ("bench", "devices", "protocols", "dashboards")
 _FREE_BYTES: Final = 500_000_000
 
 
@@ -86,11 +86,8 @@ def _packages() -> Check:
 
 
 def _names() -> Check:
-    owners = importlib.metadata.packages_distributions()
-    shared = {name: owners[name] for name in _OWN_NAMES if len(set(owners.get(name, []))) > 1}
-    found = (
-        f"shared: {shared}" if shared else "each of bench, devices, protocols, dashboards is ours"
-    )
+    shared = shared_names()
+    found = f"shared: {shared}" if shared else f"each of {', '.join(OWN_NAMES)} is ours"
     fix = "install compass-bench into an environment of its own"
     return Check("package names", not shared, found, "one owner for each", fix)
 

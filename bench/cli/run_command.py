@@ -5,7 +5,7 @@ from __future__ import annotations
 import json as json_module
 import re
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -16,16 +16,17 @@ from bench.capture import Capture
 from bench.cli.console import ConsoleProgress, print_verdict
 from bench.cli.run_bus import RunBus, connect
 from bench.errors import Aborted, BenchError, BusFault, ConfigError, ModuleSilent
-from bench.executor import execute
+from bench.executor import FAULT_NAMES, OTHER_FAULT, execute
 from bench.limit_set import load_limits
 from bench.module import Module
+from bench.pairing import LatencyEstimate
 from bench.procedure_loader import load_procedure, procedure_path
 from bench.record.recorder import RunRecorder
 from bench.rig import Rig
 from bench.run_context import RunContext
 from bench.sample_log import SampleLog
 from bench.signals import SignalWatch
-from bench.software import config_files, software_section
+from bench.software import config_files, require_own_names, software_section
 from bench.station import check_model_gate, load_station
 from bench.traffic import Traffic
 from protocols.clock import MonotonicClock, SimulatedClock
@@ -85,6 +86,7 @@ def run_procedure(request: RunRequest) -> int:
     BenchNotReady
         If the record cannot be written.
     """
+    require_own_names()
     files = _files(request)
     serial = _serial(request)
     try:
@@ -109,7 +111,8 @@ def run_procedure(request: RunRequest) -> int:
 def _not_started(request: RunRequest, serial: str, files: RunFiles, fault: BenchError) -> int:
     """Leave a record of a run that could not start."""
     recorder = _recorder(request, serial, files, MonotonicClock(), virtual=False)
-    verdict = verdict_of([], error=str(fault))
+    name = FAULT_NAMES.get(type(fault), OTHER_FAULT)
+    verdict = replace(verdict_of([], error=str(fault)), first_failure=name)
     recorder.close(verdict)
     _show(request, serial, recorder, verdict)
     return verdict.outcome.exit_code
@@ -231,6 +234,9 @@ def _context(
     module = Module(bus)
     rig = Rig(bus) if files.procedure.uses_rig else None
     samples = SampleLog(recorder.path("samples.parquet"), module, rig)
+    latency = LatencyEstimate() if bus.mode == "free" and rig is not None else None
+    if latency is not None:
+        samples.add_sink(latency)
     context = RunContext(
         bus=bus,
         module=module,
@@ -249,10 +255,16 @@ def _context(
         ("close the samples", samples.close),
         ("hand over the last frames", bus.flush),
         ("close the capture", capture.close),
+        ("record the latency", lambda: _record_latency(recorder, latency)),
         ("record the traffic", lambda: recorder.set("bus", {"traffic": traffic.rows()})),
         ("name the faults", lambda: recorder.set("injected_faults", list(request.faults))),
     ]
     return context
+
+
+def _record_latency(recorder: RunRecorder, latency: LatencyEstimate | None) -> None:
+    if latency is not None:
+        recorder.set("bus", {"pairing": latency.entry()})
 
 
 def _ask(question: str) -> str:

@@ -6,6 +6,7 @@ import json
 import logging
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -260,6 +261,8 @@ class RunRecorder:
     def _drop(self, sink: Sink, fault: Exception) -> None:
         if sink in self._sinks:
             self._sinks.remove(sink)
+            with suppress(Exception):  # it gives back what it holds, as far as it still can
+                sink.close()
         sentence = f"{type(sink).__name__} failed and its part of the record is missing: {fault}"
         self._faults.append(sentence)
         _log.error("%s", sentence)
@@ -297,6 +300,8 @@ class RunRecorder:
         for name, write in self._products.items():
             try:
                 write(self.path(name), self._record)
+            except (OSError, ConfigError) as fault:
+                failed.append(f"{name} could not be written: {fault}")
             except Exception as fault:  # a missing product is an ERROR, never a lost record
                 _log.exception("%s could not be written", name)
                 failed.append(f"{name} could not be written: {fault}")

@@ -218,3 +218,55 @@ def test_a_late_host_makes_up_for_its_ticks():
 
     assert len(node.ticks) == 10
     assert clock.now_ns() <= 110_000_000
+
+
+class BatchPort:
+    """A link that takes the frames of a turn together; hears what it is given."""
+
+    def __init__(self, *heard, clock=None):
+        self.clock = clock
+        self.heard = [Frame(0, *frame) for frame in heard]
+        self.batches = []
+
+    def send(self, can_id, data):
+        pytest.fail(f"frame {can_id:X} was sent alone")
+
+    def send_all(self, frames):
+        self.batches.append(list(frames))
+
+    def poll(self):
+        return self.heard.pop(0) if self.heard else None
+
+    def wait(self, timeout_s):
+        if not self.heard:
+            self.clock.advance(TICK_NS)
+        return self.poll()
+
+
+def test_all_frames_of_a_turn_leave_together_with_tick_done_last():
+    link = BatchPort((SYNC_ID, b"\x01"), (SYNC_ID, b"\x02"))
+    Host(World(), [Echo(1), Echo(2)], link).serve()
+
+    identifiers = [[can_id for can_id, _ in batch] for batch in link.batches]
+    assert identifiers == [[0x401, 0x501, 0x402, 0x502, TICK_DONE_ID]] * 2
+
+
+def test_nodes_with_links_of_their_own_send_batches_of_their_own():
+    first, second = BatchPort((SYNC_ID, b"\x01")), BatchPort()
+    Host(World(), [Echo(1), Echo(2)], [first, second]).serve()
+
+    assert [[can_id for can_id, _ in batch] for batch in first.batches] == [
+        [0x401, 0x501, TICK_DONE_ID]
+    ]
+    assert [[can_id for can_id, _ in batch] for batch in second.batches] == [[0x402, 0x502]]
+
+
+def test_on_its_own_clock_a_host_sends_each_turn_and_each_answer_to_sync_together():
+    clock = SimulatedClock()
+    link = BatchPort((SYNC_ID, b"\x01"), clock=clock)
+    host = Host(World(), [Echo(1), Echo(2)], link)
+
+    host.run_free(clock, lambda: host.tick_count >= 2)
+
+    identifiers = [[can_id for can_id, _ in batch] for batch in link.batches]
+    assert identifiers == [[0x501, 0x502], [0x401, 0x402], [0x401, 0x402]]

@@ -253,6 +253,56 @@ def test_a_full_transmit_queue_is_waited_for_and_counted(
     assert link.fault_counts == {"send_blocked": 1}
 
 
+def test_several_frames_go_out_in_order_one_by_one_where_the_port_knows_no_batch(
+    adapter: AdapterBus, link: PyCanLink
+) -> None:
+    link.send_all([(0x100, b"\x01"), (0x101, b""), (EXTENDED | 0x102, b"\x02")])
+
+    sent = [(message.arbitration_id, bytes(message.data)) for message in adapter.sent]
+    assert sent == [(0x100, b"\x01"), (0x101, b""), (0x102, b"\x02")]
+
+
+class BatchPort:
+    """A port that takes two frames at once, unless it is told to refuse."""
+
+    def __init__(self, *refusals: int) -> None:
+        self.refusals = deque(refusals)
+        self.sent: list[tuple[int, bytes]] = []
+
+    def send_many(self, frames: list[tuple[int, bytes]]) -> int:
+        if self.refusals and (number := self.refusals.popleft()):
+            raise OSError(number, os.strerror(number))
+        self.sent += frames[:2]
+        return len(frames[:2])
+
+    def send(self, can_id: int, data: bytes) -> None:
+        self.sent.append((can_id, data))
+
+
+@pytest.mark.parametrize("refusals", [(), (errno.ENOBUFS,), (0, errno.ENOBUFS)])
+def test_a_batch_that_is_taken_in_part_is_sent_to_its_end_once_and_in_order(
+    link: PyCanLink, monkeypatch: pytest.MonkeyPatch, refusals: tuple[int, ...]
+) -> None:
+    frames = [(0x100 + number, bytes((number,))) for number in range(5)]
+    port = BatchPort(*refusals)
+    with monkeypatch.context() as patch:
+        patch.setattr(link, "_port", port)
+        with link._reading:  # the reader thread leaves the port alone
+            link.send_all(frames)
+
+    assert port.sent == frames
+    assert link.fault_counts == ({"send_blocked": 1} if any(refusals) else {})
+
+
+def test_a_batch_that_is_refused_for_another_reason_is_an_error(
+    link: PyCanLink, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with link._reading, monkeypatch.context() as patch:
+        patch.setattr(link, "_port", BatchPort(errno.ENETDOWN))
+        with pytest.raises(LinkError, match="refuses a frame: Network is down"):
+            link.send_all([(0x100, b"")])
+
+
 def test_a_transmit_queue_that_stays_full_is_an_error_after_the_deadline(
     adapter: AdapterBus, link: PyCanLink, monkeypatch: pytest.MonkeyPatch
 ) -> None:

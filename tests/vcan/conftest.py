@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import socket
 import struct
@@ -146,6 +147,11 @@ class Recorded:
     log: Path
 
 
+def _candump_of_the_page() -> list[str]:
+    page = (ROOT / "docs" / "how-to" / "read-the-bus.md").read_text()
+    return re.search(r"^(candump .*) > bus.log$", page, re.MULTILINE).group(1).split()
+
+
 @pytest.fixture(scope="session")
 def recorded_run(
     tmp_path_factory: pytest.TempPathFactory, bench_run: Callable[..., Done]
@@ -155,7 +161,7 @@ def recorded_run(
     log, before = folder / "bus.log", listeners()
     with (
         log.open("w") as file,
-        subprocess.Popen(["candump", "-L", "-r", "8000000", CHANNEL], stdout=file) as process,
+        subprocess.Popen(_candump_of_the_page(), stdout=file) as process,
     ):
         until_more_listen(before)
         with virtual_station():

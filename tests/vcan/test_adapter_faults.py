@@ -62,14 +62,23 @@ class KernelSlcan:
         self._reading = True
         self._line = b""
         self._master, self._slave = pty.openpty()
-        tty.setraw(self._slave)
+        self.channel = self._attached()
         self._quit_read, self._quit_write = os.pipe()
         self._vcan = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         self._vcan.bind(("vcan0",))
         self._thread = threading.Thread(target=self._serve, daemon=True)
-        fcntl.ioctl(self._slave, _TIOCSETD, struct.pack("i", _N_SLCAN))
-        name = fcntl.ioctl(self._slave, _SIOCGIFNAME, bytes(40))
-        self.channel = name.split(b"\0")[0].decode()
+
+    def _attached(self) -> str:
+        """Give the terminal to the kernel; return the name of the interface that it makes."""
+        try:
+            tty.setraw(self._slave)
+            fcntl.ioctl(self._slave, _TIOCSETD, struct.pack("i", _N_SLCAN))
+            name: bytes = fcntl.ioctl(self._slave, _SIOCGIFNAME, bytes(40))
+        except OSError:
+            os.close(self._slave)
+            os.close(self._master)
+            raise
+        return name.split(b"\0")[0].decode()
 
     def __enter__(self) -> Self:
         self._thread.start()

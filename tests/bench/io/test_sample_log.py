@@ -13,6 +13,7 @@ from protocols.e2e import E2eSender
 
 
 class FakeBus:
+    mode = "lockstep"
     tick_count = 0
     start_ns = 1_000
 

@@ -37,6 +37,10 @@ def test_a_run_on_the_devices_own_clock_passes(forge, bus, level_turn, tmp_path)
     assert np.mean(samples["complete"] == COMPLETE) > 0.999
     assert record["run"]["simulated_s"] == pytest.approx(record["run"]["wall_s"], abs=1.0)
     assert_every_dwell_is_at_rest(samples)
+    pairing = record["bus"]["pairing"]
+    assert min(pairing["clockwise_rows"], pairing["counter_clockwise_rows"]) > 200
+    assert abs(pairing["latency_s"]) < 0.02
+    assert 0.0 < pairing["latency_sd_s"] < 0.002
 
 
 def assert_every_dwell_is_at_rest(samples):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import json
 import signal
+import time
 from pathlib import Path
 
 import can
@@ -19,6 +20,7 @@ from bench.sample_log import read_samples
 from devices.coefficient_store import CoefficientStore
 from protocols.canopen import AXIS_NODES, rpdo1_id, tpdo1_id, unpack_rpdo1, unpack_tpdo1
 from protocols.cia402 import CW_QUICK_STOP, DriveState, drive_state
+from protocols.pycan_link import PyCanLink
 from protocols.sync import SYNC_ID
 from protocols.uds import (
     DEFAULT_COEFFICIENTS,
@@ -161,3 +163,36 @@ def test_a_second_signal_still_leaves_a_record_and_drives_that_stand(
     assert process.code == 128 + signal.SIGTERM, process.err.read_text()
     assert record_of(out)["verdict"]["outcome"] in ("ABORTED", "ERROR")
     assert_parked(out, at_zero=False)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_the_bench_looks_who_is_on_the_bus_ends_it_without_a_record(
+    forge, bus, short_procedure, tmp_path, number
+):
+    out = tmp_path / "runs"
+    process = forge.start("run", short_procedure, "--serial", "SN0001", "--out", out, *bus)
+    with PyCanLink(bus[1], bus[3]) as witness:
+        while (frame := witness.wait(10.0)) is not None and frame.can_id != SYNC_ID:
+            pass
+        process.send(number)
+
+    assert process.wait(5.0) == 128 + number
+    assert process.err.read_text().strip() == f"compass-bench: run aborted by signal {int(number)}"
+    assert not list(out.rglob("record.json"))
+
+
+def test_a_signal_while_the_report_is_written_spoils_no_file(forge, short_procedure, tmp_path):
+    out = tmp_path / "runs"
+    process = forge.start("run", short_procedure, "--serial", "SN0001", "--out", out)
+    end_s = time.monotonic() + 20.0
+    while not list(out.rglob("run.rrd*")):
+        assert time.monotonic() < end_s
+        assert process.ended() is None
+        time.sleep(0.002)
+    process.send(signal.SIGINT)
+
+    assert process.wait(20.0) == 128 + signal.SIGINT
+    assert record_of(out)["verdict"]["outcome"] == "PASS", "it had been reached before the signal"
+    assert {"record.json", "run.rrd", "report.html", "junit.xml"} <= {
+        file.name for file in (out / "latest").iterdir()
+    }
