@@ -115,5 +115,7 @@ def readings_of(samples: NDArray[np.void]) -> NDArray[np.void]:
     """
     usable = samples[(samples["position"] != MOVING) & (samples["complete"] == COMPLETE)]
     positions, counts = np.unique(usable["position"], return_counts=True)
-    rows = [reading_of(usable[usable["position"] == position]) for position in positions[counts >= 2]]
+    rows = [
+        reading_of(usable[usable["position"] == position]) for position in positions[counts >= 2]
+    ]
     return np.array(rows, dtype=READING)

@@ -21,7 +21,8 @@ def evaluate_fit(step: str, fit: Fit, site: SiteField) -> list[Measurement]:
 
     - fit_accepted: 1, or 0 where the method refused the data; its note begins with the
       method's name and goes on with the reason. Of a refused fit nothing else is returned.
-    - fit_residual (mG), fit_residual_share (% of the field's strength), fit_condition, accel_residual (mg), accel_bias (mg, largest axis).
+    - fit_residual (mG), fit_residual_share (% of the field's strength), fit_condition,
+      accel_residual (mg), accel_bias (mg, largest axis).
     - sensitivity (%): mean sensitivity of the axes in the module's nominal scale. The fit's
       gain is held against the station's field, so the strength itself says nothing here; it
       is judged on other poses (`evaluate_field_strength`).

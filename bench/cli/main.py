@@ -240,8 +240,9 @@ def main() -> None:
     """Run the command line; every expected error is one sentence and an exit code."""
     from protocols.errors import LinkError
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _abort)
+    before = {
+        number: signal.signal(number, _abort) for number in (signal.SIGINT, signal.SIGTERM)
+    }
     try:
         app()
     except BenchError as error:
@@ -252,6 +253,9 @@ def main() -> None:
         sys.exit(2)
     except BrokenPipeError:
         sys.exit(141)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 if __name__ == "__main__":

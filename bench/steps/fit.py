@@ -40,7 +40,7 @@ TRUTH_NAMES = (
 
 
 class FitMethods(Step):
-    """Fit; the first method of `judged` that the data are enough for is judged and may be written."""
+    """Fit; the first method of `judged` for which the data suffice is judged and may be written."""
 
     kind: Literal["fit"]
     on_miss: OnMiss = "stop"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,8 @@ from bench.acceptance.heading_evaluation import (
     achieved_heading,
     bench_heading_deg,
     evaluate_agreement,
+    evaluate_field_strength,
+    evaluate_raw_heading,
     evaluate_returns,
     evaluate_temperature,
     evaluate_verification,
@@ -222,3 +225,35 @@ def test_ranking_is_by_the_worse_maximum_and_refused_come_last():
     }
 
     assert ranking(achieved) == ["both_fair", "level_only_good", "refused"]
+
+
+def test_the_strength_of_the_corrected_field_is_held_against_the_stations(
+    make_unit, site, poses_of_run
+):
+    unit = make_unit(gain=1.01 * np.eye(3), hard_iron_mg=np.zeros(3), repeatability_mg=0.0)
+    readings = readings_of(unit.samples(poses_of_run["verify"]))
+    scaled = replace(DEFAULT_COEFFICIENTS, mag_matrix=tuple(np.eye(3).ravel() / 1.01))
+
+    raw = values(evaluate_field_strength("v", readings, DEFAULT_COEFFICIENTS, site))
+    corrected = values(evaluate_field_strength("v", readings, scaled, site))
+
+    assert raw["field_magnitude_difference"] == pytest.approx(1.0, abs=0.01)
+    assert corrected["field_magnitude_difference"] == pytest.approx(0.0, abs=0.01)
+
+
+def test_the_raw_heading_error_is_that_of_the_hard_iron_and_level(make_unit, site, poses_of_run):
+    iron_mg = 250.0 * np.sin(np.deg2rad(20.0))
+    unit = make_unit(
+        gain=np.eye(3), hard_iron_mg=np.array([iron_mg, 0.0, 0.0]), accel_gain=np.eye(3),
+        accel_bias_g=np.zeros(3), repeatability_mg=0.0,
+    )  # fmt: skip
+
+    level = values(
+        evaluate_raw_heading("s", readings_of(unit.samples(poses_of_run["sweep"])), site)
+    )
+    tilted = evaluate_raw_heading(
+        "s", readings_of(unit.samples(poses_of_run["tilted_poses"])), site
+    )
+
+    assert level["raw_max"] == pytest.approx(20.0, abs=0.5)
+    assert tilted == []

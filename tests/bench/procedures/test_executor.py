@@ -77,10 +77,11 @@ def run_of(tmp_path):
         cancel = CancelToken()
         bus = SimpleNamespace(
             cancel=cancel, now_s=0.0, mode="lockstep", frames=0, tick_count=0,
-            load_percent=0.0, load_worst_percent=0.0,
+            load_percent=0.0, load_worst_percent=0.0, dropped=0, faults={},
+            check_links=lambda: None,
         )  # fmt: skip
         procedure = SimpleNamespace(
-            name="test", version="1.0", steps=steps, pose_count=0,
+            name="test", version="1.0", steps=steps, pose_count=0, on_pass="",
             measured=lambda: tuple(measured),
             walk=lambda: (inner for step in steps for inner in step.walk()),
         )  # fmt: skip
