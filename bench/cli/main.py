@@ -240,9 +240,7 @@ def main() -> None:
     """Run the command line; every expected error is one sentence and an exit code."""
     from protocols.errors import LinkError
 
-    before = {
-        number: signal.signal(number, _abort) for number in (signal.SIGINT, signal.SIGTERM)
-    }
+    before = {number: signal.signal(number, _abort) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         app()
     except BenchError as error:
