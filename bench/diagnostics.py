@@ -212,6 +212,7 @@ class Diagnostics:
         """Let the module measure every `ticks` ticks of 10 ms (unlocks it)."""
         self.unlock()
         self.write_did(uds.DID_SAMPLE_PERIOD, bytes([ticks]))
+        self._module.follow_period(ticks)
 
     def set_reset_pulse(self, current_ma: int) -> None:
         """Fire one set and one reset pulse of a current in mA (unlocks the module)."""

@@ -6,7 +6,7 @@ BenchError
 ├── ModuleRefused                    the module answered with a negative response    exit 4
 ├── RigFault                         a drive is in fault, silent or does not settle  exit 4
 ├── BusFault                         frames dropped, bus off, simulator gone         exit 4
-├── BenchNotReady                    station record, site or record folder unusable  exit 4
+├── BenchNotReady                    station record, site or files of a run unusable exit 4
 └── Aborted                          the operator or a signal ended the run          exit 130, 143
 """
 

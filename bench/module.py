@@ -33,7 +33,7 @@ from protocols.j1939 import (
     pack_request,
     request_id,
 )
-from protocols.sync import TICK_S
+from protocols.sync import TICK_NS, TICK_S
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -47,6 +47,10 @@ SILENCE_S: Final = 0.5
 LOST_LISTED: Final = 1000
 """So many losses are listed one by one; the counters go on."""
 FRAME_NAMES: Final = ("mag_set", "mag_reset", "acceleration", "heading")
+
+GAP_CYCLES: Final = {"lockstep": 6, "free": 20}
+"""Where two cycles are more than so many periods apart, those between them count as lost: a
+sender that falls silent and goes on with its counters is not seen by them."""
 
 _SILENCE_TICKS: Final = round(SILENCE_S / TICK_S)
 _NO_FRAME: Final = bytes(8)
@@ -117,8 +121,10 @@ class Module:
         By frame name: counters of lost, repeated and wrong frames.
     losses : list of Loss
         The first `LOST_LISTED` losses.
-    cycles, incomplete : int
-        Measuring cycles seen, and those of them with a frame missing.
+    cycles, incomplete, missed : int
+        Measuring cycles seen, those of them with a frame missing, and those that never came.
+    period_ns : int
+        Time between two cycles that the module was told to keep.
     mag_mg_per_count, accel_g_per_count : float
         Scales; nominal until `identity` was read.
     """
@@ -131,6 +137,8 @@ class Module:
         self.losses: list[Loss] = []
         self.cycles = 0
         self.incomplete = 0
+        self.missed = 0
+        self.period_ns = TICK_NS
         self.mag_mg_per_count = MAG_MG_PER_COUNT
         self.accel_g_per_count = ACCEL_G_PER_COUNT
         self.claims: set[bytes] = set()
@@ -141,6 +149,8 @@ class Module:
         self._complete = 0
         self._group = -1
         self._t_ns = 0
+        self._last_cycle_ns: int | None = None
+        self._gap_cycles = GAP_CYCLES[bus.mode]
         self._last_tick = bus.tick_count
         self._watched = False
         self._status_frames = 0
@@ -159,8 +169,8 @@ class Module:
 
     @property
     def lost(self) -> int:
-        """Frames lost or rejected since the start."""
-        return sum(
+        """Frames lost or rejected, and cycles that never came, since the start."""
+        return self.missed + sum(
             receiver.lost + receiver.errors + receiver.repeated
             for receiver in self.receivers.values()
         )
@@ -211,8 +221,14 @@ class Module:
     def expect_silence(self) -> None:
         """Stop watching and forget the counters: the bench is about to reset the module."""
         self._watched = False
+        self._last_cycle_ns = None
         for receiver in self.receivers.values():
             receiver.restart()
+
+    def follow_period(self, ticks: int) -> None:
+        """Expect a cycle every `ticks` ticks of 10 ms from now on."""
+        self.period_ns = ticks * TICK_NS
+        self._last_cycle_ns = None
 
     def identity(self) -> ModuleIdentity:
         """Read serial, versions and scales by UDS; the scales hold for all later cycles.
@@ -272,6 +288,11 @@ class Module:
     def _end_cycle(self) -> None:
         cycle = Cycle(self._t_ns, self._group, self._complete, *self._slots)
         self.cycles += 1
+        if self._watched and self._last_cycle_ns is not None:
+            periods = round((self._t_ns - self._last_cycle_ns) / self.period_ns)
+            if periods > self._gap_cycles:
+                self._miss(periods - 1)
+        self._last_cycle_ns = self._t_ns
         if self._complete != COMPLETE:
             self.incomplete += 1
         self._slots[:] = (_NO_FRAME,) * len(FRAME_NAMES)
@@ -300,6 +321,12 @@ class Module:
                 f"(identity numbers {identities}): leave one of them on the bus"
             )
             raise BusFault(message)
+
+    def _miss(self, count: int) -> None:
+        self.missed += count
+        if len(self.losses) < LOST_LISTED:
+            t_s = (self._t_ns - self.bus.start_ns) * 1e-9
+            self.losses.append(Loss(t_s, "cycle", E2eState.NOT_AVAILABLE, count))
 
     def _note(self, name: str, state: E2eState, t_ns: int) -> None:
         receiver = self.receivers[name]

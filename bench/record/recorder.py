@@ -79,8 +79,10 @@ class RunRecorder:
 
     Raises
     ------
+    ConfigError
+        If the folder cannot be made.
     BenchNotReady
-        If the folder cannot be written.
+        If it cannot be written.
     """
 
     def __init__(

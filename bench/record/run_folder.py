@@ -14,7 +14,7 @@ import os
 import re
 from typing import TYPE_CHECKING, Final
 
-from bench.errors import BenchNotReady
+from bench.errors import BenchNotReady, ConfigError
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -31,7 +31,7 @@ class RunFolder:
 
     Raises
     ------
-    BenchNotReady
+    ConfigError
         If the folder cannot be made or written.
     """
 
@@ -49,7 +49,7 @@ class RunFolder:
                 f"output folder {out_dir} must be writable; instead received "
                 f"{fault.strerror or fault}: choose another with --out"
             )
-            raise BenchNotReady(message) from fault
+            raise ConfigError(message) from fault
 
     def complete(self) -> Path:
         """Rename the folder to its final name, point `latest` to it and return it.

@@ -160,3 +160,43 @@ def test_given_the_virtual_module_when_identified_then_serial_and_scales_are_kno
     assert identity.firmware == "1.0.0"
     assert not identity.synthesised
     assert station.module.mag_mg_per_count == identity.mag_mg_per_count == 1600 / 16384
+
+
+def test_given_a_silence_that_the_counters_do_not_show_then_its_cycles_count_as_lost(
+    bus, module, echo
+):
+    module.wait_ready()
+    sender = echo.says
+    echo.says = lambda _tick: []
+    bus.run_for(0.25)
+    echo.says = sender
+    bus.run_for(0.1)
+
+    assert module.missed == 25
+    assert module.lost == 25
+    (loss,) = [loss for loss in module.losses if loss.frame == "cycle"]
+    assert loss.state is E2eState.NOT_AVAILABLE
+    assert loss.missing == 25
+
+
+def test_given_a_silence_that_the_bench_asked_for_then_nothing_is_lost(bus, module, echo):
+    module.wait_ready()
+    sender = echo.says
+    module.expect_silence()
+    echo.says = lambda _tick: []
+    bus.run_for(0.25)
+    echo.says = sender
+    module.wait_ready()
+    bus.run_for(0.1)
+
+    assert module.missed == 0
+
+
+def test_given_a_longer_period_that_was_asked_for_then_nothing_is_lost(bus, module, echo):
+    module.wait_ready()
+    sender = echo.says
+    module.follow_period(5)
+    echo.says = lambda tick: sender(tick) if tick % 5 == 0 else []
+    bus.run_for(0.5)
+
+    assert module.missed == 0

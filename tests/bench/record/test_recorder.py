@@ -14,7 +14,7 @@ from bench.acceptance.measurement import Limit, Measurement
 from bench.acceptance.outcome import Outcome
 from bench.acceptance.verdict import verdict_of
 from bench.calibration.fit import Fit
-from bench.errors import BenchNotReady
+from bench.errors import ConfigError
 from bench.pose import Attitude, Pose
 from bench.record.document import read_record
 from bench.record.events import read_events
@@ -178,7 +178,7 @@ def test_two_runs_differ_only_in_wall_clock_fields(tmp_path, wall_clock):
 def test_an_output_folder_that_is_a_file_is_one_sentence(tmp_path, clock):
     (tmp_path / "runs").write_text("in the way")
 
-    with pytest.raises(BenchNotReady, match=r"output folder .*runs must be writable; instead"):
+    with pytest.raises(ConfigError, match=r"output folder .*runs must be writable; instead"):
         RunRecorder(tmp_path / "runs", "S", "eol", clock=clock)
 
 
@@ -186,7 +186,7 @@ def test_an_output_folder_that_is_a_file_is_one_sentence(tmp_path, clock):
 def test_an_output_folder_without_permission_is_one_sentence(tmp_path, clock):
     tmp_path.chmod(0o500)
     try:
-        with pytest.raises(BenchNotReady, match="choose another with --out"):
+        with pytest.raises(ConfigError, match="choose another with --out"):
             RunRecorder(tmp_path / "runs", "S", "eol", clock=clock)
     finally:
         tmp_path.chmod(0o700)

@@ -42,7 +42,7 @@ def test_an_output_folder_that_cannot_be_written_is_refused(bench_run, tmp_path,
 
     ended = bench_run("set_reset", "--out", out)
 
-    assert (ended.code, ended.out) == (4, "")
+    assert (ended.code, ended.out) == (2, "")
     assert ended.sentence.startswith(f"output folder {out} must be writable; instead received")
     assert ended.sentence.endswith("choose another with --out")
 

@@ -151,11 +151,12 @@ def test_what_finds_a_fault_gets_worse_with_its_strength(bench, name):
     assert all(better < worse for better, worse in itertools.pairwise(values))
 
 
-def test_a_silence_ends_the_run_as_soon_as_it_is_longer_than_the_watch(bench):
+def test_a_silence_is_an_error_of_the_bus_and_a_longer_one_ends_the_run(bench):
     shorter, longer = (
         bench.run(f"module_silent={strength}@1500", procedure="set_reset")
         for strength in (0.05, 0.2)
     )
 
-    assert shorter.outcome == "PASS"
+    assert (shorter.outcome, shorter.first_failure) == ("ERROR", "frames_lost")
+    assert shorter.record["bus"]["lost"] == 25
     assert (longer.outcome, longer.first_failure) == ("ERROR", "module_silent")
