@@ -14,7 +14,7 @@ unexport PYTHONPATH PYTHONHOME PIP_USER PIP_TARGET
 export PYTHONNOUSERSITE := 1
 
 .DELETE_ON_ERROR:
-.PHONY: run test lint types check vcan good-units benchmark lock compiled clean FORCE
+.PHONY: run test lint types check vcan good-units benchmark lock generated compiled clean FORCE
 
 run: $(VENV)/runtime.ok compiled
 	$(BIN)/compass-bench run eol_three_axis --serial SN0001 --out runs
@@ -49,6 +49,11 @@ LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --genera
 lock: $(VENV)/dev.ok
 	$(LOCK) requirements.in -o requirements.txt
 	$(LOCK) requirements-dev.in -o requirements-dev.txt
+
+# The bus's DBC, the axis's EDS and the schemas of the YAML files are made from the code.
+generated: $(VENV)/runtime.ok
+	$(BIN)/python -m protocols.database
+	$(BIN)/python -m bench.procedure_loader
 
 # Own sources are compiled here, because PYTHONDONTWRITEBYTECODE would make each start slow.
 compiled: $(VENV)/runtime.ok

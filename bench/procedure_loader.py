@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import Any, Final
 
 from bench.limit_set import LimitsFile
 from bench.procedure import Procedure
@@ -11,14 +12,12 @@ from bench.shipped import find_file, shipped_names
 from bench.station import StationFile
 from bench.typed_yaml import FileModel, load_model
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 _MODELS: Final[dict[str, type[FileModel]]] = {
     "procedure": Procedure,
     "limits": LimitsFile,
     "station": StationFile,
 }
+_FOLDERS = {"procedure": "procedures", "limits": "limits", "station": "stations"}
 
 
 def procedure_names() -> list[str]:
@@ -62,3 +61,14 @@ def json_schema(kind: str = "procedure") -> dict[str, Any]:
     """Return the JSON Schema of a kind of file: procedure, limits or station."""
     schema = _MODELS[kind].model_json_schema()
     return {"$schema": "http://json-schema.org/draft-07/schema#", **schema}
+
+
+def write_schemas() -> None:
+    """Write the schema of each kind of file beside the shipped ones."""
+    for kind in _MODELS:
+        folder = Path(__file__).parent / _FOLDERS[kind]
+        (folder / f"{kind}.schema.json").write_text(schema_text(kind), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_schemas()
