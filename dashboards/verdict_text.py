@@ -10,6 +10,17 @@ _MARKS: Final = {
     "FAIL": "**FAIL**",
     "ERROR": "**ERROR**",
 }
+_HEADINGS: Final = frozenset(
+    {
+        "level_max",
+        "level_rms",
+        "tilt_max",
+        "tilt_rms",
+        "repeatability",
+        "closing_error",
+        "bench_against_module",
+    }
+)
 _LETTERS: Final = ("A", "B", "C", "D", "E")
 _MEANINGS: Final = {
     "A": "index, rotation",
@@ -21,7 +32,7 @@ _MEANINGS: Final = {
 
 
 def verdict_markdown(record: dict[str, Any]) -> str:
-    """Return outcome, reason, next action and every limit, missed ones first."""
+    """Return outcome, reason, next action and every limit: missed ones, then the headings'."""
     verdict = record.get("verdict") or {"outcome": "ERROR", "reason": "the run was broken off"}
     run = record.get("run", {})
     lines = [
@@ -34,7 +45,7 @@ def verdict_markdown(record: dict[str, Any]) -> str:
         "|---|---:|---:|---|:--:|",
     ]
     judged = [m for m in record.get("measurements", []) if _limits(m)]
-    judged.sort(key=lambda m: m.get("outcome") == "PASS")
+    judged.sort(key=lambda m: (m.get("outcome") == "PASS", m["name"] not in _HEADINGS))
     for measurement in judged:
         mark = _MARKS.get(str(measurement.get("outcome")), str(measurement.get("outcome")))
         lines.append(

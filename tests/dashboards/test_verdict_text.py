@@ -26,6 +26,14 @@ def test_missed_limits_stand_first() -> None:
     assert "informs" not in text
 
 
+def test_headings_stand_before_what_else_passed() -> None:
+    rows = [measurement("noise_x", "PASS", high=1.0), measurement("level_max", "PASS", high=0.5)]
+
+    text = verdict_markdown({"measurements": rows})
+
+    assert text.index("| level_max |") < text.index("| noise_x |")
+
+
 def test_limits_are_told_by_their_sides() -> None:
     record = {
         "measurements": [
