@@ -98,6 +98,7 @@ class _Run:
         self._context = context
         self._attempts: Counter[str] = Counter()
         self._step_name = ""
+        self._suffix = ""
 
     def steps(self) -> tuple[str | None, str | None]:
         """Run all steps; return the sentences of an error and of an abort, or None."""
@@ -131,20 +132,32 @@ class _Run:
     def run_step(self, step: Step, suffix: str = "") -> None:
         """Run one step until it passes or its attempts are used up.
 
+        The suffix, a round's number, also stands behind the names of the steps inside it: a
+        round that ran later must not take the place of one that was missed.
+
         Raises
         ------
         _Stopped
             If a limit was missed and the step's `on_miss` is stop.
         """
-        name = step.name + suffix
+        outer, self._suffix = self._suffix, self._suffix + suffix
+        name = step.name + self._suffix
+        try:
+            missed = self._attempts_of(step, name)
+        finally:
+            self._suffix = outer
+        if missed is not None and step.on_miss == "stop":
+            message = f"{missed.name} was missed in step {name}"
+            raise _Stopped(message)
+
+    def _attempts_of(self, step: Step, name: str) -> Measurement | None:
+        """Run a step until it passes or its attempts are used up; return what was missed."""
         missed = None
         for left in reversed(range(step.attempts)):
             missed = self._attempt(step, name, last=left == 0)
             if missed is None:
-                return
-        if missed is not None and step.on_miss == "stop":
-            message = f"{missed.name} was missed in step {name}"
-            raise _Stopped(message)
+                break
+        return missed
 
     def _attempt(self, step: Step, name: str, *, last: bool) -> Measurement | None:
         """Run a step once and return its first missed measurement, or None."""

@@ -118,6 +118,50 @@ class Procedure(FileModel):
             seen.add(step.name)
         return self
 
+    @model_validator(mode="after")
+    def _what_is_written_is_judged(self) -> Self:
+        """Require a fit before each write, and a verification after it but none before it."""
+        declared = list(self._declared(self.steps))
+        for place, step in enumerate(declared):
+            if not isinstance(step, Write):
+                continue
+            before, after = declared[:place], declared[place + 1 :]
+            if not any(isinstance(other, FitMethods) for other in before):
+                message = f"step {step.name} must come after a fit; there is none"
+                raise ValueError(message)
+            if not any(isinstance(other, Verify) for other in after):
+                message = (
+                    f"step {step.name} must be followed by a verify step: "
+                    "coefficients that nothing judges are not released"
+                )
+                raise ValueError(message)
+            early = next((other for other in before if isinstance(other, Verify)), None)
+            if early is not None:
+                message = f"step {early.name} must come after the write of step {step.name}"
+                raise ValueError(message)
+        return self
+
+    @model_validator(mode="after")
+    def _verification_poses_are_others(self) -> Self:
+        declared = list(self._declared(self.steps))
+        used = [
+            pose.attitude
+            for step in declared
+            if isinstance(step, Sweep | Poses)
+            for pose in step.poses()
+        ]
+        for step in declared:
+            for pose in step.poses() if isinstance(step, Verify) else ():
+                if any(pose.attitude.is_at(other) for other in used):
+                    at = pose.attitude
+                    message = (
+                        f"step {step.name} must verify at poses of its own; instead received the "
+                        f"calibration pose azimuth {at.azimuth_deg:g}, pitch {at.pitch_deg:g}, "
+                        f"roll {at.roll_deg:g} deg"
+                    )
+                    raise ValueError(message)
+        return self
+
     @staticmethod
     def _declared(steps: Sequence[Step]) -> Iterator[Step]:
         for step in steps:
@@ -129,6 +173,10 @@ class Procedure(FileModel):
         """Yield every step in the order in which it runs, repetitions included."""
         for step in self.steps:
             yield from step.walk()
+
+    def step_names(self) -> tuple[str, ...]:
+        """Return the names under which the steps of a whole run stand in its record."""
+        return tuple(_names_in_record(self.steps))
 
     @property
     def uses_rig(self) -> bool:
@@ -143,6 +191,16 @@ class Procedure(FileModel):
     def measured(self) -> tuple[str, ...]:
         """Return the names of all measurements that the procedure judges, in order."""
         return tuple(dict.fromkeys(name for step in self.walk() for name in step.measured()))
+
+
+def _names_in_record(steps: Sequence[Step], suffix: str = "") -> Iterator[str]:
+    for step in steps:
+        yield step.name + suffix
+        if isinstance(step, Group):
+            yield from _names_in_record(step.steps, suffix)
+        elif isinstance(step, Repeat):
+            for number in range(1, step.times + 1):
+                yield from _names_in_record(step.steps, f"{suffix}_{number}")
 
 
 Group.model_rebuild()

@@ -75,7 +75,7 @@ class RunContext:
     judged_fit : Fit or None
         The accepted fit whose coefficients are written.
     before, written : Coefficients or None
-        The module's coefficients before the write, and those that were written.
+        The module's coefficients before the first write, and those that were written last.
     fault_name : str or None
         ``module_silent``, ``module_refused``, ``rig_fault``, ``bus_fault``, ``bench_fault``:
         what ended the run in the place of a measurement.

@@ -125,7 +125,7 @@ class ReplaySensors:
 
 def _lines(path: Path) -> list[str]:
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             return list(file)
     except UnicodeDecodeError as error:
         message = f"recording {path.name} is not a text file: byte {error.start} is not UTF-8"
@@ -169,6 +169,10 @@ def _named(
 
 
 def _require_columns(name: str, header: list[str]) -> None:
+    twice = next((column for column in header if header.count(column) > 1), None)
+    if twice is not None:
+        message = f"recording {name} must name each column once; instead it has {twice!r} twice"
+        raise ValueError(message)
     for wanted in (_FIELD, _FORCE) if set(_FORCE) & set(header) else (_FIELD,):
         missing = [column for column in wanted if column not in header]
         if missing:

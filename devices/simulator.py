@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from devices.coefficient_store import CoefficientStore
 from devices.drive import Drive
-from devices.faults import parse_fault
+from devices.faults import FaultKind, parse_fault
 from devices.field import EarthField
 from devices.firmware import Converters, Firmware
 from devices.host import Host
@@ -98,8 +98,17 @@ class SimulatorOptions:
         if self.seed < 0:
             message = f"seed must be at least 0; instead received {self.seed}"
             raise ValueError(message)
-        for fault in self.faults:
-            parse_fault(fault)
+        for specification in self.faults:
+            fault = parse_fault(specification).fault
+            if self.replay is not None and fault.kind in (
+                FaultKind.SENSOR,
+                FaultKind.ACCELEROMETER,
+            ):
+                message = (
+                    f"fault {fault.name} breaks the sensor model, which a recording replaces; "
+                    "leave out the fault or the recording"
+                )
+                raise ValueError(message)
 
 
 class FaultSchedule:

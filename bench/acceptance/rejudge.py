@@ -66,7 +66,8 @@ def rejudge(run_dir: Path, limits_path: Path | None = None) -> Rejudged:
     Raises
     ------
     ConfigError
-        If the folder holds no record, or a file of it cannot be read.
+        If the folder holds no record, a file of it cannot be read, or the limits asked for
+        lack a measurement that the run was held against.
     """
     record = read_record(run_dir)
     limits, limits_name = _limits(run_dir, record, limits_path)
@@ -80,7 +81,7 @@ def rejudge(run_dir: Path, limits_path: Path | None = None) -> Rejudged:
         measurements.append(judge_measurement(fresh, limits))
     return Rejudged(
         measurements=measurements,
-        verdict=_verdict(record, measurements),
+        verdict=_verdict(run_dir, record, measurements),
         recorded=Outcome(record["verdict"]["outcome"]) if record["verdict"] else None,
         differing=differing,
         limits_name=limits_name,
@@ -91,16 +92,16 @@ def _limits(
     run_dir: Path, record: Mapping[str, Any], limits_path: Path | None
 ) -> tuple[Mapping[str, Limit], str]:
     from bench.limit_set import load_limits
-    from bench.shipped import file_sha256
 
     if limits_path is not None:
         chosen = load_limits(str(limits_path))
+        chosen.require(limits_of(record))
         return chosen.by_name, f"{chosen.id} {chosen.version}"
     config = record["config"]
-    for path in sorted((run_dir / "config").glob("*.y*ml")):
-        if file_sha256(path) == config.get("limits_sha256"):
-            own = load_limits(str(path))
-            return own.by_name, f"{own.id} {own.version}"
+    path = _own_file(run_dir, config.get("limits_sha256"))
+    if path is not None:
+        own = load_limits(str(path))
+        return own.by_name, f"{own.id} {own.version}"
     name = f"{config.get('limits_id', '')} {config.get('limits_version', '')}".strip()
     return limits_of(record), f"{name or 'limits'} as recorded"
 
@@ -123,7 +124,7 @@ def _same(fresh: float, recorded: float) -> bool:
     return math.isclose(fresh, recorded, rel_tol=LARGEST_DIFFERENCE, abs_tol=1e-12)
 
 
-def _verdict(record: Mapping[str, Any], measurements: list[Measurement]) -> Verdict:
+def _verdict(run_dir: Path, record: Mapping[str, Any], measurements: list[Measurement]) -> Verdict:
     """Return the verdict; what ended the run early ends it here as well."""
     recorded = record["verdict"]
     if recorded is None:
@@ -131,10 +132,33 @@ def _verdict(record: Mapping[str, Any], measurements: list[Measurement]) -> Verd
     outcome = Outcome(recorded["outcome"])
     if outcome is Outcome.ABORTED:
         return verdict_of(measurements, aborted=recorded["reason"])
-    by_measurement = any(e["outcome"] == Outcome.ERROR for e in record["measurements"])
-    if outcome is Outcome.ERROR and not by_measurement:
+    by_measurements = verdict_of([measurement_of(entry) for entry in record["measurements"]])
+    if outcome is Outcome.ERROR and recorded["reason"] != by_measurements.reason:
         return verdict_of(measurements, error=recorded["reason"])
-    return verdict_of(measurements)
+    verdict = verdict_of(measurements)
+    left = _steps_left(run_dir, record)
+    if left and verdict.outcome in (Outcome.PASS, Outcome.MARGINAL):
+        message = f"the run stopped before step {left[0]}: what was not measured cannot be judged"
+        return verdict_of(measurements, error=message)
+    return verdict
+
+
+def _steps_left(run_dir: Path, record: Mapping[str, Any]) -> list[str]:
+    """Return the steps of the run's own procedure that it did not come to."""
+    from bench.procedure_loader import load_procedure
+
+    ran = {entry["name"] for entry in record["steps"]}
+    path = _own_file(run_dir, record["config"].get("procedure_sha256"))
+    names = load_procedure(str(path)).step_names() if path is not None else ()
+    return [name for name in names if name not in ran]
+
+
+def _own_file(run_dir: Path, sha256: str | None) -> Path | None:
+    """Return the copy of a file that the run was held against, if it is unchanged."""
+    from bench.shipped import file_sha256
+
+    copies = sorted((run_dir / "config").glob("*.y*ml"))
+    return next((path for path in copies if file_sha256(path) == sha256), None)
 
 
 def require_same(rejudged: Rejudged, run_dir: Path) -> None:

@@ -44,10 +44,15 @@ class Write(Step):
         result = diagnostics.write_coefficients(wanted)
         equal = result.read_back_equal
         if equal:
-            context.before, context.written = result.before, result.written
+            context.before = context.before or result.before
+            context.written, context.verified = result.written, False
         context.recorder.set(
             "coefficients",
-            {"before": result.before, "written": result.written, "read_back_equal": equal},
+            {
+                "before": context.before or result.before,
+                "written": result.written,
+                "read_back_equal": equal,
+            },
         )
         context.measure(READ_BACK_NAME, float(equal), note="after commit and reset")
 

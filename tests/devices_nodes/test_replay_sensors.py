@@ -106,6 +106,7 @@ def test_a_recording_without_acceleration_says_so_and_still_sends_every_field(re
     ("old", "new", "sentence"),
     [
         ("mx,my", "mx,mq", "must have columns mx, my, mz; missing my"),
+        ("mx,my", "mx,mx", "must name each column once; instead it has 'mx' twice"),
         ("300.0", "nan", "mz in line 6 of recording recording.csv must be a number"),
         ("300.0", "", "mz in line 6 of recording recording.csv must be a number"),
         ("300.0", "9e5", "mz in line 6 .* must be within 32767 steps of 0.25"),
@@ -119,6 +120,13 @@ def test_a_recording_that_cannot_be_sent_is_refused_in_one_sentence(tmp_path, ol
 
     with pytest.raises(ValueError, match=sentence):
         ReplaySensors(path)
+
+
+def test_a_byte_order_mark_hides_nothing_of_a_recording(tmp_path):
+    path = recording(tmp_path)
+    path.write_text(path.read_text(), encoding="utf-8-sig")
+
+    assert ReplaySensors(path).converters.mag_mg_per_count == 0.25
 
 
 def test_an_empty_recording_has_no_header(tmp_path):

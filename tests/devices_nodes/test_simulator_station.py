@@ -6,6 +6,7 @@ import hashlib
 import threading
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -145,6 +146,10 @@ def test_a_stalled_axis_is_reported_by_its_drive(make_station):
         ({"address": 0xFE}, "address must be within 0 and 253; instead received 254"),
         ({"seed": -1}, "seed must be at least 0; instead received -1"),
         ({"faults": ("dead_strap_q",)}, "did you mean dead_strap"),
+        (
+            {"faults": ("excess_noise",), "replay": Path("recording.csv")},
+            "fault excess_noise breaks the sensor model, which a recording replaces",
+        ),
     ],
 )
 def test_options_that_cannot_be_are_refused_in_one_sentence(options, sentence):

@@ -12,7 +12,10 @@ import pytest
 from bench.acceptance.outcome import Outcome
 from bench.acceptance.rejudge import rejudge, require_same
 from bench.errors import ConfigError
+from bench.procedure_loader import procedure_path
+from bench.record.entries import limits_of
 from bench.sample_file import SampleFile, read_samples
+from bench.shipped import file_sha256
 
 
 @pytest.fixture(scope="module")
@@ -28,20 +31,22 @@ def good_run(make_run, finished, tmp_path):
     return shutil.copytree((finished / "latest").resolve(), tmp_path / "run")
 
 
-def limits_file(path, level_high):
-    path.write_text(
-        f"""id: tight
-version: "2.0"
-measurements:
-  level_max:
-    unit: deg
-    high: {level_high} deg
-    description: "Largest level heading error."
-    action: "Red bin."
-""",
-        encoding="utf-8",
-    )
+def limits_file(path, run, level_high):
+    """Write the limits of a run into a file, with another one for the level maximum."""
+    entries = {}
+    for limit in limits_of(json.loads((run / "record.json").read_text())).values():
+        keys = {"low": limit.low, "high": limit.high, "guard_band": limit.guard_band}
+        entries[limit.name] = {
+            "unit": limit.unit, "missed": limit.missed.value, "description": "-", "action": "-",
+            **{key: quantity(v, limit.unit) for key, v in keys.items() if v is not None},
+        }  # fmt: skip
+    entries["level_max"].update(high=f"{level_high} deg", guard_band="0 deg")
+    path.write_text(json.dumps({"id": "tight", "version": "2.0", "measurements": entries}))
     return path
+
+
+def quantity(value, unit):
+    return f"{value} {unit}" if unit else value
 
 
 def edit_record(run, change):
@@ -62,7 +67,7 @@ def test_the_samples_give_the_numbers_and_the_verdict_of_the_run(good_run):
 
 
 def test_tighter_limits_fail_the_same_samples(good_run, tmp_path):
-    again = rejudge(good_run, limits_file(tmp_path / "tight.yaml", 0.01))
+    again = rejudge(good_run, limits_file(tmp_path / "tight.yaml", good_run, 0.01))
 
     assert again.verdict.outcome is Outcome.FAIL
     assert again.verdict.first_failure == "level_max"
@@ -74,13 +79,12 @@ def test_a_failing_run_passes_by_wider_limits(make_run, tmp_path):
     run = make_run(tmp_path / "runs", move_hard_iron_mg=3.0).execute()
 
     assert rejudge(run).verdict.first_failure == "level_max"
-    assert rejudge(run, limits_file(tmp_path / "wide.yaml", 2.0)).verdict.outcome is Outcome.PASS
+    wide = limits_file(tmp_path / "wide.yaml", run, 2.0)
+    assert rejudge(run, wide).verdict.outcome is Outcome.PASS
 
 
 def test_the_copy_of_the_limits_in_the_run_is_used_when_its_hash_is_the_recorded_one(good_run):
-    from bench.shipped import file_sha256
-
-    copy = limits_file(good_run / "config" / "limits.yaml", 0.001)
+    copy = limits_file(good_run / "config" / "limits.yaml", good_run, 0.001)
     edit_record(good_run, lambda r: r["config"].update(limits_sha256=file_sha256(copy)))
 
     assert rejudge(good_run).limits_name == "tight 2.0"
@@ -168,3 +172,42 @@ def test_a_measurement_that_the_samples_do_not_give_is_an_error(good_run):
     assert again.verdict.outcome is Outcome.ERROR
     assert again.verdict.first_failure == "noise_x"
     assert replace(again.verdict, rule="").reason.startswith("noise_x could not be measured")
+
+
+def test_limits_that_leave_out_what_the_run_was_held_against_do_not_judge(good_run, tmp_path):
+    path = limits_file(tmp_path / "less.yaml", good_run, 0.5)
+    document = json.loads(path.read_text())
+    del document["measurements"]["tilt_max"]
+    path.write_text(json.dumps(document))
+
+    with pytest.raises(ConfigError, match="limits tight 2.0 lack tilt_max"):
+        rejudge(good_run, path)
+
+
+def test_a_run_that_stopped_early_does_not_pass_by_wider_limits(make_run, tmp_path):
+    run = make_run(tmp_path / "runs", move_hard_iron_mg=3.0).execute()
+    copy = run / "config" / "procedure.yaml"
+    shutil.copy(procedure_path("eol_three_axis"), copy)
+    edit_record(run, lambda r: r["config"].update(procedure_sha256=file_sha256(copy)))
+    wide = limits_file(tmp_path / "wide.yaml", run, 2.0)
+
+    again = rejudge(run, wide)
+
+    assert again.verdict.outcome is Outcome.ERROR
+    assert "the run stopped before step" in again.verdict.reason
+
+
+def test_an_error_of_the_bench_stays_one_beside_a_measurement_that_was_an_error(good_run, tmp_path):
+    def break_off(record):
+        entry = next(m for m in record["measurements"] if m["name"] == "bus_load")
+        entry.update(value=90.0, outcome="ERROR")
+        record["verdict"].update(outcome="ERROR", reason="azimuth axis is in fault")
+
+    edit_record(good_run, break_off)
+    path = limits_file(tmp_path / "wide.yaml", good_run, 0.5)
+    path.write_text(path.read_text().replace('"70.0 %"', '"95.0 %"'))
+
+    again = rejudge(good_run, path)
+
+    assert again.verdict.outcome is Outcome.ERROR
+    assert again.verdict.reason == "azimuth axis is in fault"

@@ -173,6 +173,19 @@ def test_every_round_of_a_repeat_counts_under_a_name_of_its_own(run_of):
     assert verdict.outcome is Outcome.FAIL
 
 
+def test_a_later_round_does_not_hide_what_a_group_missed_in_an_earlier_one(run_of):
+    group = Group.model_construct(
+        kind="group", name="g", attempts=1, on_miss="continue",
+        steps=[script("a", measuring(2.0, 0.5))],
+    )  # fmt: skip
+    repeat = Repeat.model_construct(kind="repeat", name="r", times=2, steps=[group])
+
+    verdict, context = run_of(repeat)
+
+    assert [(m.step, m.attempt) for m in context.measurements] == [("a_1", 1), ("a_2", 1)]
+    assert verdict.outcome is Outcome.FAIL
+
+
 def test_an_error_of_the_bench_runs_every_promise_last_first(run_of):
     done = []
 

@@ -114,3 +114,31 @@ def test_bytes_that_are_no_text_are_refused(tmp_path):
 
     with pytest.raises(ConfigError, match="cannot be read"):
         load_model(path, Procedure)
+
+
+FIT = "  - {kind: fit, name: fit, methods: [truth_aided], judged: [truth_aided]}\n"
+WRITE = "  - {kind: write, name: write}\n"
+VERIFY = "  - {kind: verify, name: verify, rings: [{count: 4, first: 359.5 deg}]}\n"
+SWEEP = "  - {kind: sweep, name: turn, headings: {count: 4}}\n"
+
+
+@pytest.mark.parametrize(
+    ("steps", "sentence"),
+    [
+        (WRITE + FIT + VERIFY, "step write must come after a fit"),
+        (FIT + WRITE, "step write must be followed by a verify step"),
+        (FIT + VERIFY + WRITE, "step write must be followed by a verify step"),
+        (
+            FIT + VERIFY + WRITE + VERIFY.replace("name: v", "name: w"),
+            "step verify must come after",
+        ),
+        (SWEEP + FIT + WRITE + VERIFY, "step verify must verify at poses of its own"),
+        (
+            "  - kind: group\n    name: g\n    steps:\n    " + SWEEP + VERIFY,
+            "instead received the calibration pose azimuth 359.5, pitch 0, roll 0 deg",
+        ),
+    ],
+    ids=["no fit", "no verify", "verify before", "two", "calibration poses", "in a group"],
+)
+def test_steps_that_would_release_what_nothing_judged_are_refused(refusal_of, steps, sentence):
+    assert sentence in refusal_of(HEAD + "steps:\n" + steps)
