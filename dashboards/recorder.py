@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+_BAD: Final = frozenset({"FAIL", "ERROR", "ABORTED"})
+_UNTOLD: Final = frozenset({"event", "seq", "t_s", "wall_utc", "covariance"})
 _PROPERTIES: Final = ("level_max", "tilt_max", "repeatability")
 
 
@@ -81,7 +83,7 @@ def _log_run(recording: rr.RecordingStream, run: RunView) -> None:
         limit_deg = run.high("level_max", run.high("tilt_max", 0.5))
         log_limit_band(recording, ends, limit_deg)
         log_dwell_errors(recording, run, tracker.dwells(), tracker.ticks)
-        _log_procedure(recording, run, ends)
+        _log_procedure(recording, run)
         log_traffic(recording, run.record, ends)
     _log_texts(recording, run.record)
 
@@ -131,7 +133,7 @@ class _DwellTracker:
         return np.concatenate([self._first, self._end])
 
 
-def _log_procedure(recording: rr.RecordingStream, run: RunView, ends: NDArray[np.void]) -> None:
+def _log_procedure(recording: rr.RecordingStream, run: RunView) -> None:
     steps = run.record.get("steps", [])
     names = list(dict.fromkeys(str(step["name"]) for step in steps))
     if not names:
@@ -142,31 +144,38 @@ def _log_procedure(recording: rr.RecordingStream, run: RunView, ends: NDArray[np
         labels=[name.replace("_", " ") for name in names],
         colors=np.array(colours, dtype=np.uint32),
     )
-    recording.log(f"{entities.PROCEDURE}/step", configuration, static=True)
-    for step in steps:
-        _set_time(recording, float(step.get("started_s") or 0.0))
-        recording.log(f"{entities.PROCEDURE}/step", rr.StateChange(state=str(step["name"])))
+    path = f"{entities.PROCEDURE}/step"
+    recording.log(path, configuration, static=True)
+    recording.send_columns(
+        path,
+        indexes=_times([float(step.get("started_s") or 0.0) for step in steps]),
+        columns=rr.StateChange.columns(state=[str(step["name"]) for step in steps]),
+    )
     _log_events(recording, run.folder / "events.ndjson")
-    _set_time(recording, float(ends["t_s"][-1]))
 
 
 def _log_events(recording: rr.RecordingStream, path: Path) -> None:
     if not path.exists():
         return
-    for line in path.read_text("utf-8").splitlines():
-        event: dict[str, Any] = json.loads(line)
-        _set_time(recording, float(event.get("t_s") or 0.0))
-        outcome = event.get("outcome")
-        level = "ERROR" if outcome in {"FAIL", "ERROR", "ABORTED"} else "INFO"
-        details = {
-            k: v
-            for k, v in event.items()
-            if k not in {"event", "seq", "t_s", "wall_utc", "covariance"}
-        }
-        text = ", ".join(f"{key} {_plain(value)}" for key, value in details.items())
-        recording.log(
-            f"{entities.PROCEDURE}/log", rr.TextLog(f"{event.get('event')}: {text}", level=level)
-        )
+    lines = path.read_text("utf-8").splitlines()
+    events: list[dict[str, Any]] = [json.loads(line) for line in lines]
+    if not events:
+        return
+    recording.send_columns(
+        f"{entities.PROCEDURE}/log",
+        indexes=_times([float(event.get("t_s") or 0.0) for event in events]),
+        columns=rr.TextLog.columns(
+            text=[_sentence(event) for event in events],
+            level=["ERROR" if event.get("outcome") in _BAD else "INFO" for event in events],
+        ),
+    )
+
+
+def _sentence(event: dict[str, Any]) -> str:
+    details = ", ".join(
+        f"{key} {_plain(value)}" for key, value in event.items() if key not in _UNTOLD
+    )
+    return f"{event.get('event')}: {details}"
 
 
 def _plain(value: object) -> str:
@@ -175,9 +184,11 @@ def _plain(value: object) -> str:
     return text.encode("latin-1", "replace").decode("latin-1")[:200]
 
 
-def _set_time(recording: rr.RecordingStream, t_s: float) -> None:
-    recording.set_time(entities.SIM_TIME, duration=np.timedelta64(round(t_s * 1e9), "ns"))
-    recording.set_time(entities.TICK, sequence=round(t_s * 100.0))
+def _times(seconds: list[float]) -> list[rr.TimeColumn]:
+    return [
+        rr.TimeColumn(entities.SIM_TIME, duration=seconds),
+        rr.TimeColumn(entities.TICK, sequence=[round(t_s * 100.0) for t_s in seconds]),
+    ]
 
 
 def _log_texts(recording: rr.RecordingStream, record: dict[str, Any]) -> None:

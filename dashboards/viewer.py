@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 _START_S: Final = 60.0
+_TRIES: Final = 5
 _TOAST_S: Final = 5.0
 
 
@@ -64,10 +65,10 @@ def take_picture(
         state = _wait(client, lambda s: bool(s.recordings and s.views and not s.loading))
         view_id = next((v.view_id for v in state.views if v.name == view), None)
         started_s = time.monotonic()
-        client.save_screenshot(str(picture.absolute()), view_id)  # makes the viewer fetch its data
+        _save(client, picture, view_id)  # makes the viewer fetch its data
         time.sleep(max(0.0, _TOAST_S - (time.monotonic() - started_s)))
         state = _wait(client, lambda s: not s.loading)
-        client.save_screenshot(str(picture.absolute()), view_id)
+        _save(client, picture, view_id)
         complaints = [f"{v.name}: {report}" for v in state.views for report in v.reports]
         complaints += [
             f"{log.level}: {log.message}"
@@ -75,6 +76,19 @@ def take_picture(
             if log.level in {"WARN", "ERROR"} and "rasterizer" not in log.message
         ]
         return complaints
+
+
+def _save(client: Any, picture: Path, view_id: object) -> None:  # noqa: ANN401
+    """Take one picture; a busy machine may need longer than the viewer waits."""
+    for _ in range(_TRIES - 1):
+        with contextlib.suppress(TimeoutError):
+            client.save_screenshot(str(picture.absolute()), view_id)
+            return
+    try:
+        client.save_screenshot(str(picture.absolute()), view_id)
+    except TimeoutError as error:
+        message = f"rerun viewer did not draw the recording in {_TRIES} tries"
+        raise ViewerFailed(message) from error
 
 
 @contextlib.contextmanager
