@@ -228,10 +228,6 @@ class Diagnostics:
         """Return the coefficients in use."""
         return self._decoded(uds.DID_COEFFICIENTS, uds.unpack_coefficients)
 
-    def read_staged_coefficients(self) -> Coefficients:
-        """Return the staged coefficients."""
-        return self._decoded(uds.DID_COEFFICIENTS_STAGED, uds.unpack_coefficients)
-
     def write_coefficients(self, coefficients: Coefficients) -> CoefficientWrite:
         """Write, read back, commit, reset and compare; a failure or an abort rolls back."""
         return CoefficientTransaction(self._bus, self, coefficients).run()

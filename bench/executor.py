@@ -103,10 +103,10 @@ class _Run:
     def steps(self) -> tuple[str | None, str | None]:
         """Run all steps; return the sentences of an error and of an abort, or None."""
         context = self._context
-        context.started_s = context.bus.now_s
-        context.expected_s = plan_of(self._procedure).duration_s
-        context.record_station()
         try:
+            context.started_s = context.bus.now_s
+            context.expected_s = plan_of(self._procedure).duration_s
+            context.record_station()
             for step in self._procedure.steps:
                 self.run_step(step)
             context.completed = True
@@ -122,7 +122,7 @@ class _Run:
             context.fault_name = FAULT_NAMES.get(type(fault), OTHER_FAULT)
             context.event("error", error=type(fault).__name__, message=str(fault))
             return str(fault), None
-        except Exception as fault:  # a fault of the bench's own must park the rig as well
+        except (Exception, SystemExit) as fault:  # whatever ends a step, the rig is parked
             _log.exception("step %s failed", self._step_name)
             context.fault_name = OTHER_FAULT
             context.event("error", error=type(fault).__name__, message=str(fault))

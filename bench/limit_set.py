@@ -6,7 +6,7 @@ import difflib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, Strict, StringConstraints, model_validator
 
 from bench.acceptance.catalogue import MEASUREMENTS
 from bench.acceptance.measurement import Limit
@@ -20,19 +20,22 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
+Number = Annotated[float, Strict()]
+"""A plain number; true and false are none."""
+
 
 class LimitEntry(FileModel):
     """One measurement's limits, as they stand in a file."""
 
-    low: str | float | None = None
+    low: str | Number | None = None
     """Lower tolerance limit with its unit."""
-    high: str | float | None = None
+    high: str | Number | None = None
     """Upper tolerance limit with its unit."""
     unit: str = ""
     """Unit of the measured value; empty for a plain number."""
-    uncertainty: str | float = 0.0
+    uncertainty: str | Number = 0.0
     """Expanded uncertainty U (k = 2) of the measured value."""
-    guard_band: str | float = 0.0
+    guard_band: str | Number = 0.0
     """Width inside the tolerance limits in which the outcome is MARGINAL."""
     missed: Literal["FAIL", "ERROR"] = "FAIL"
     """Outcome outside the limits: FAIL for the unit, ERROR for the bench."""
@@ -61,7 +64,7 @@ class LimitEntry(FileModel):
 
     def _value(self, key: str) -> float | None:
         value: object = getattr(self, key)
-        if value is None or value == 0.0:
+        if value is None or key not in self.model_fields_set:
             return None if value is None else 0.0
         return parse_quantity(value, self.unit)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Final, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from bench.run_context import RunContext
+
+MOST_STEPS: Final = 10_000
+"""Most steps of a procedure, all rounds counted."""
 
 
 class Group(Step):
@@ -119,6 +122,14 @@ class Procedure(FileModel):
         return self
 
     @model_validator(mode="after")
+    def _end_comes(self) -> Self:
+        count = _step_count(self.steps)
+        if count > MOST_STEPS:
+            message = f"steps of all rounds must be at most {MOST_STEPS}; instead received {count}"
+            raise ValueError(message)
+        return self
+
+    @model_validator(mode="after")
     def _what_is_written_is_judged(self) -> Self:
         """Require a fit before each write, and a verification after it but none before it."""
         declared = list(self._declared(self.steps))
@@ -191,6 +202,14 @@ class Procedure(FileModel):
     def measured(self) -> tuple[str, ...]:
         """Return the names of all measurements that the procedure judges, in order."""
         return tuple(dict.fromkeys(name for step in self.walk() for name in step.measured()))
+
+
+def _step_count(steps: Sequence[Step]) -> int:
+    count = 0
+    for step in steps:
+        inner = _step_count(step.steps) if isinstance(step, Group | Repeat) else 0
+        count += 1 + inner * (step.times if isinstance(step, Repeat) else 1)
+    return count
 
 
 def _names_in_record(steps: Sequence[Step], suffix: str = "") -> Iterator[str]:

@@ -119,11 +119,5 @@ Seconds = Annotated[
 """A duration in seconds, above zero."""
 Milligauss = Annotated[float, BeforeValidator(partial(_load, "mG")), _writer("mG"), _schema("mG")]
 """A magnetic field in mG."""
-Gravities = Annotated[float, BeforeValidator(partial(_load, "g")), _writer("g"), _schema("g")]
-"""A specific force in g."""
-Milliamperes = Annotated[
-    float, BeforeValidator(partial(_load_positive, "mA")), _writer("mA"), _schema("mA")
-]
-"""A current in mA, above zero."""
 Metres = Annotated[float, BeforeValidator(partial(_load, "m")), _writer("m"), _schema("m")]
 """A length in m."""

@@ -53,7 +53,7 @@ READING: Final = np.dtype(
         ("set_mg", "f8", 3),
         ("reset_mg", "f8", 3),
         ("field_mg", "f8", 3),  # (set - reset)/2
-        ("field_sd_mg", "f8", 3),
+        ("noise_mg", "f8", 3),  # standard deviation of single set and reset readings
         ("offset_mg", "f8", 3),  # (set + reset)/2
         ("peak_mg", "f8", 3),  # largest |set| or |reset| of any sample
         ("accel_g", "f8", 3),
@@ -91,7 +91,8 @@ def reading_of(samples: NDArray[np.void]) -> NDArray[np.void]:
     reading["position"] = positions[0]
     reading["count"] = len(samples)
     reading["field_mg"] = field_mg.mean(axis=0)
-    reading["field_sd_mg"] = field_mg.std(axis=0, ddof=1)
+    variances = [samples[name].var(axis=0, ddof=1) for name in ("set_mg", "reset_mg")]
+    reading["noise_mg"] = np.sqrt((variances[0] + variances[1]) / 2.0)
     reading["offset_mg"] = ((samples["set_mg"] + samples["reset_mg"]) / 2.0).mean(axis=0)
     peaks = np.maximum(np.abs(samples["set_mg"]), np.abs(samples["reset_mg"]))
     reading["peak_mg"] = peaks.max(axis=0)

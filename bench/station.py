@@ -7,9 +7,10 @@ coefficients, but only to compare them with this record.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from datetime import date
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import StringConstraints, model_validator
 
@@ -20,6 +21,15 @@ from bench.typed_yaml import FileModel, load_model
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+STRONGEST_MG: Final = 1000.0
+"""Strongest field of a station; the Earth's is at most 700 mG."""
+_UNCERTAINTIES: Final = (
+    "horizontal_uncertainty",
+    "dip_uncertainty",
+    "field_azimuth_uncertainty",
+    "rig_angle_uncertainty",
+)
 
 
 class ModelGate(FileModel):
@@ -73,6 +83,28 @@ class StationFile(FileModel):
         if not -89.0 <= self.dip <= 89.0:
             message = f"dip must be from -89 deg to 89 deg; instead received {self.dip:g} deg"
             raise ValueError(message)
+        strength_mg = self.horizontal / math.cos(math.radians(self.dip))
+        if strength_mg > STRONGEST_MG:
+            message = (
+                f"field of horizontal and dip must be at most {STRONGEST_MG:g} mG; "
+                f"instead received {strength_mg:.0f} mG"
+            )
+            raise ValueError(message)
+        return self
+
+    @model_validator(mode="after")
+    def _angles_and_uncertainties_are_possible(self) -> Self:
+        for name in ("declination", "field_azimuth"):
+            if not abs(getattr(self, name)) <= 360.0:
+                message = (
+                    f"{name} must be from -360 deg to 360 deg; "
+                    f"instead received {getattr(self, name):g} deg"
+                )
+                raise ValueError(message)
+        for name in _UNCERTAINTIES:
+            if getattr(self, name) < 0.0:
+                message = f"{name} must not be negative; instead received {getattr(self, name):g}"
+                raise ValueError(message)
         return self
 
 

@@ -39,9 +39,14 @@ def load_model(path: Path, model: type[Model]) -> Model:
     if not isinstance(node, yaml.MappingNode):
         message = f"{path}: file must hold a mapping of keys to values; it holds something else"
         raise ConfigError(message)
-    _require_unique_keys(node, path)
     try:
-        return model.model_validate(_data_of(node))
+        _require_unique_keys(node, path)
+        data = _data_of(node, path)
+    except RecursionError as error:
+        message = f"{path}: file must not hold itself by an alias"
+        raise ConfigError(message) from error
+    try:
+        return model.model_validate(data)
     except ValidationError as error:
         raise ConfigError(_sentence(path, node, model, error)) from error
 
@@ -53,20 +58,25 @@ def _compose(path: Path) -> yaml.Node | None:
     except (OSError, UnicodeDecodeError) as error:
         message = f"{path}: file cannot be read ({error})"
         raise ConfigError(message) from error
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        where = f"{path}:{mark.line + 1}:{mark.column + 1}" if mark else str(path)
-        message = f"{where}: file is not valid YAML: {error.problem or error.context}"
-        raise ConfigError(message) from error
     except yaml.YAMLError as error:
-        message = f"{path}: file is not valid YAML: {' '.join(str(error).split())}"
-        raise ConfigError(message) from error
+        raise _no_yaml(path, error) from error
 
 
-def _data_of(node: yaml.Node) -> Any:  # noqa: ANN401  (YAML holds anything)
+def _no_yaml(path: Path, error: yaml.YAMLError | ValueError) -> ConfigError:
+    where, what = str(path), " ".join(str(error).split())
+    if isinstance(error, yaml.MarkedYAMLError):
+        mark = error.problem_mark or error.context_mark
+        where = f"{path}:{mark.line + 1}:{mark.column + 1}" if mark else where
+        what = str(error.problem or error.context)
+    return ConfigError(f"{where}: file is not valid YAML: {what}")
+
+
+def _data_of(node: yaml.Node, path: Path) -> Any:  # noqa: ANN401  (YAML holds anything)
     loader = yaml.SafeLoader("")
     try:
         return loader.construct_document(node)
+    except (yaml.YAMLError, ValueError) as error:
+        raise _no_yaml(path, error) from error
     finally:
         loader.dispose()
 

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import rerun as rr
 
-from bench.samples import MOVING, READING
+from bench.samples import MOVING, READING, readings_of
 from dashboards import entities
 from dashboards.blueprint import blueprint
 from dashboards.ground import log_shapes
 from dashboards.run_view import RunView
 from dashboards.scene import log_scene
 from dashboards.signals import (
-    dwells_of,
     log_block,
     log_dwell_errors,
     log_limit_band,
@@ -118,12 +117,12 @@ class _DwellTracker:
         if len(pending) == 0:
             return
         newest = pending["position"] == pending["position"][-1]
-        self._dwells.append(dwells_of(pending[~newest]))
+        self._dwells.append(readings_of(pending[~newest]))
         self._open = [pending[newest]]
 
     def dwells(self) -> NDArray[np.void]:
         """Return all readings of the run, shape (n,)."""
-        parts = [*self._dwells, *(dwells_of(rows) for rows in self._open)]
+        parts = [*self._dwells, *(readings_of(rows) for rows in self._open)]
         return np.concatenate(parts) if parts else np.zeros(0, dtype=READING)
 
     def ends(self) -> NDArray[np.void] | None:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import rerun as rr
 
-from bench.samples import readings_of
 from dashboards import entities, scene
 from dashboards.columns import Times, send_scalars, style_line, style_points
 from protocols.angles import wrap_180_deg, wrap_360_deg
@@ -204,8 +203,3 @@ def verification_positions(record: dict[str, Any]) -> list[int]:
     poses = [pose for pose in record.get("poses", []) if pose["step"] in names]
     last = max((pose.get("attempt", 1) for pose in poses), default=1)
     return [int(pose["position"]) for pose in poses if pose.get("attempt", 1) == last]
-
-
-def dwells_of(samples: NDArray[np.void]) -> NDArray[np.void]:
-    """Return one READING for each dwell in some samples, shape (n,)."""
-    return readings_of(samples)

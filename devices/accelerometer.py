@@ -13,8 +13,6 @@ from devices.rotation import IDENTITY, Matrix, Vector, apply
 
 REFERENCE_C: Final = 25.0
 NOISE_G: Final = 0.002
-FULL_SCALE_G: Final = 2.0
-BITS: Final = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ node stays operational (CiA 301, 1029h, value 1), so that the status word remain
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from devices.drive_objects import drive_objects
 from devices.drive_profile import ERROR_COMMUNICATION, ERROR_GENERIC, DriveProfile
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from devices.drive_profile import Axis
-
-NMT_RESET_COMMUNICATION: Final = 0x82
 
 _EMERGENCY = struct.Struct("<HB5x")
 _TPDO = struct.Struct("<Hi")
@@ -136,7 +134,7 @@ class Drive:
         elif command == canopen.NMT_STOP:
             self.nmt_state = STATE_STOPPED
             self._abort_connection()
-        elif command in (canopen.NMT_RESET_NODE, NMT_RESET_COMMUNICATION):
+        elif command in (canopen.NMT_RESET_NODE, canopen.NMT_RESET_COMMUNICATION):
             self.profile.disable()
             if command == canopen.NMT_RESET_NODE:
                 self.profile.restore_defaults()

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from devices.object_dictionary import ABORT_VALUE, ObjectDictionary, SdoRefused
 from protocols import canopen, cia402
+from protocols.axis_objects import DEVICE_TYPE, SUPPORTED_MODES
 from protocols.sync import SYNC_COUNTER_OVERFLOW, SYNC_ID
 
 if TYPE_CHECKING:
@@ -13,15 +14,9 @@ if TYPE_CHECKING:
 
     from devices.drive import Drive
 
-DEVICE_TYPE: Final = 0x00020192
-"""Object 1000h: servo drive (type 2) of profile 402."""
 VENDOR_ID: Final = 0x000000CB
-PRODUCT_CODE: Final = 0x00000402
-REVISION: Final = 0x00010000
 NO_RTR: Final = 0x40000000
 """Bit 30 of a TPDO's COB-ID: it answers no remote frame."""
-SUPPORTED_MODES: Final = 0x00000025
-"""Object 6502h: profile position (bit 0), profile velocity (bit 2), homing (bit 5)."""
 
 _PROFILE_OBJECTS: Final = (
     (cia402.FOLLOWING_ERROR_WINDOW, 0, "u32", "following_error_window", 0),
@@ -70,7 +65,7 @@ def _add_communication(objects: ObjectDictionary, drive: Drive) -> None:
     objects.add(
         cia402.PRODUCER_HEARTBEAT, 0, "u16", lambda: drive.heartbeat_ms, drive.set_heartbeat
     )
-    identity = (VENDOR_ID, PRODUCT_CODE, REVISION, drive.serial)
+    identity = (VENDOR_ID, cia402.PRODUCT_CODE, cia402.REVISION_NUMBER, drive.serial)
     objects.constant(0x1018, 0, "u8", len(identity))
     for subindex, value in enumerate(identity, start=1):
         objects.constant(0x1018, subindex, "u32", value)
@@ -130,7 +125,7 @@ def _add_profile(objects: ObjectDictionary, drive: Drive) -> None:
         lambda: profile.target_velocity,
         profile.set_target_velocity,
     )
-    objects.constant(0x6502, 0, "u32", SUPPORTED_MODES)
+    objects.constant(cia402.SUPPORTED_DRIVE_MODES, 0, "u32", SUPPORTED_MODES)
 
 
 def _choice(target: object, name: str, allowed: range | tuple[int, ...]) -> Callable[[int], None]:

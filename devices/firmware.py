@@ -29,7 +29,6 @@ LEAST_FORCE_G: Final = 0.5
 """Below this specific force there is no attitude to level with."""
 LEAST_PULSE_MA: Final = 50
 """Below this strap current the firmware reports the strap (DTC_STRAP)."""
-ACCEL_COUNT_LIMIT: Final = 32767
 
 _F32 = np.float32
 _DEG: Final = _F32(180.0 / math.pi)

@@ -171,7 +171,7 @@ def _named(
 def _require_columns(name: str, header: list[str]) -> None:
     twice = next((column for column in header if header.count(column) > 1), None)
     if twice is not None:
-        message = f"recording {name} must name each column once; instead it has {twice!r} twice"
+        message = f"column {twice!r} of recording {name} is named twice"
         raise ValueError(message)
     for wanted in (_FIELD, _FORCE) if set(_FORCE) & set(header) else (_FIELD,):
         missing = [column for column in wanted if column not in header]

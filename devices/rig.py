@@ -18,7 +18,6 @@ from devices.rotation import Matrix, Vector, about_axis, about_vertical, product
 if TYPE_CHECKING:
     from devices.faults import ActiveFault
 
-AXIS_NAMES: Final = ("azimuth", "pitch", "roll")
 AZIMUTH_RATING: Final = (90.0, 180.0)
 """Velocity (deg/s) and acceleration (deg/s2) of the azimuth axis."""
 TILT_RATING: Final = (45.0, 90.0)

@@ -193,7 +193,7 @@ def build_host(options: SimulatorOptions, links: Link | Sequence[Link]) -> Host:
     world = build_world(options)
     module, sensors = build_module(options, world)
     drives = [
-        Drive(node_id, axis, serial=options.seed * 8 + node_id)
+        Drive(node_id, axis, serial=options.seed * 8 + node_id & 0xFFFFFFFF)
         for node_id, axis in zip(AXIS_NODES, world.rig.axes, strict=True)
     ]
     schedule = FaultSchedule([parse_fault(f) for f in options.faults], world, sensors, module)

@@ -110,7 +110,11 @@ class RunSamples:
         ]
         if not noted:
             return []
-        fit: Fit = fit_named(noted[0], self._calibration_data())
+        try:
+            fit: Fit = fit_named(noted[0], self._calibration_data())
+        except ValueError as error:
+            message = f"record cannot be judged again in step {step}: {error}"
+            raise ConfigError(message) from error
         return evaluate_fit(step, fit, self._site)
 
     def _calibration_data(self) -> CalibrationData:

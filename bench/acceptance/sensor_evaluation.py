@@ -41,8 +41,12 @@ SAME_HEADING_DEG: Final = 2.0
 
 
 def evaluate_noise(step: str, readings: NDArray[np.void]) -> list[Measurement]:
-    """Return noise_{x,y,z}: RMS over the dwells of the standard deviation of one reading, in mG."""
-    noise_mg = np.sqrt(np.mean(readings["field_sd_mg"] ** 2, axis=0))
+    """Return noise_{x,y,z}: RMS over the dwells of the standard deviation of one reading, in mG.
+
+    Of single set and reset readings, as the data sheet counts it: half their difference has
+    less than 0.7 of it.
+    """
+    noise_mg = np.sqrt(np.mean(readings["noise_mg"] ** 2, axis=0))
     return _by_axis("noise", noise_mg, step, "mG")
 
 

@@ -115,7 +115,6 @@ def _fit_of(
     to_deg = np.ones(14)
     to_deg[12:] = 180.0 / np.pi
     covariance = covariance * to_deg[:, None] * to_deg
-    sd_deg = np.sqrt(np.diag(covariance)[12:])
     return Fit(
         method=METHOD,
         message="the magnetometer stays raw; the prediction holds the accelerometer's part only",
@@ -134,13 +133,17 @@ def _fit_of(
         coverage=sphere_coverage(vectors),
         predicted_heading_rms_deg=rms_deg,
         predicted_heading_max_deg=max_deg,
-        extra={
-            "base_level_north_deg": float(np.rad2deg(solution.north_rad)),
-            "base_level_north_deg_sd": float(sd_deg[0]),
-            "base_level_east_deg": float(np.rad2deg(solution.east_rad)),
-            "base_level_east_deg_sd": float(sd_deg[1]),
-        },
+        extra=_base_level(solution, np.sqrt(np.diag(covariance)[12:])),
     )
+
+
+def _base_level(solution: Solution, sd_deg: NDArray[np.float64]) -> dict[str, float]:
+    return {
+        "base_level_north_deg": float(np.rad2deg(solution.north_rad)),
+        "base_level_north_deg_sd": float(sd_deg[0]),
+        "base_level_east_deg": float(np.rad2deg(solution.east_rad)),
+        "base_level_east_deg_sd": float(sd_deg[1]),
+    }
 
 
 def _predicted(

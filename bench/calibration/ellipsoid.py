@@ -25,6 +25,7 @@ import numpy as np
 from bench.calibration.coverage import sphere_coverage
 from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
 from bench.calibration.prediction import heading_grid, predicted_heading_deg
+from bench.calibration.saturation import saturated_axis
 from bench.calibration.tilt import attitude_deg
 
 if TYPE_CHECKING:
@@ -40,6 +41,12 @@ LARGEST_PREDICTED_DEG: Final = 3.0
 DISTURBED_COVERAGE: Final = 0.6
 """Readings all round that still fit no ellipsoid were not of one field."""
 DISTURBED_SPREAD: Final = 0.25
+SECOND_QUADRIC: Final = 9.0
+"""Mean square distance of the second best quadric over that of the best, below which the noise
+picks between them: two rings of one axis lie on a whole family of ellipsoids. Poses that tilt in
+pitch and in roll have thousands."""
+SMALLEST_SECOND: Final = 1e-8
+"""The same in squares of the readings' extent, for readings without noise."""
 PARAMETERS: Final = (
     *(f"matrix_{element}" for element in ("xx", "yy", "zz", "xy", "xz", "yz")),
     *(f"offset_{axis}_mg" for axis in "xyz"),
@@ -60,7 +67,8 @@ def fit_ellipsoid(data: CalibrationData) -> Fit:
     Returns
     -------
     Fit
-        Refused with TOO_FEW, TILT_TOO_SMALL (readings in a plane), DEGENERATE (no ellipsoid),
+        Refused with TOO_FEW, TILT_TOO_SMALL (readings in a plane), SATURATED, FIELD_DISTURBED,
+        DEGENERATE (no ellipsoid),
         NOT_OBSERVABLE (predicted error too large), NOT_CONVERGED or RESIDUAL_TOO_LARGE. Never
         a hyperboloid.
     """
@@ -81,6 +89,10 @@ def fit_ellipsoid(data: CalibrationData) -> Fit:
             "tilt the module, or use min_max on a level turn"
         )
         return refusal(METHOD, Cause.TILT_TOO_SMALL, message, data, rank=5)
+    held = saturated_axis(data.field_mg)
+    if held is not None:
+        message = f"axis {held} stops at one value: the sensor is saturated; degauss the module"
+        return refusal(METHOD, Cause.SATURATED, message, data)
     start = taubin_ellipsoid(unit)
     if start is None:
         return _no_ellipsoid(data, unit, scale / float(np.linalg.norm(centre) + scale))
@@ -118,6 +130,18 @@ def taubin_ellipsoid(
     >>> bool(np.allclose(matrix, np.eye(3))), bool(np.allclose(centre, 0.0))
     (True, True)
     """
+    found = _quadrics(points)
+    if found is None:
+        return None
+    _, quadrics, mean = found
+    quadric = quadrics[:, 0]
+    return _ellipsoid_of(quadric, -float(mean @ quadric))
+
+
+def _quadrics(
+    points: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return (mean square distances ascending, quadrics as columns, mean terms); None if flat."""
     x, y, z = points.T
     one, nil = np.ones_like(x), np.zeros_like(x)
     terms = np.column_stack([x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z, x, y, z])
@@ -136,8 +160,28 @@ def taubin_ellipsoid(
     if weight_values[0] < 1e-9 * weight_values[-1]:
         return None
     half = weight_vectors / np.sqrt(weight_values)
-    quadric = half @ np.linalg.eigh(half.T @ moments @ half)[1][:, 0]
-    return _ellipsoid_of(quadric, -float(mean @ quadric))
+    distances, vectors = np.linalg.eigh(half.T @ moments @ half)
+    return distances, half @ vectors, mean
+
+
+def told_apart(points: NDArray[np.float64]) -> bool:
+    """Return whether one quadric fits the points, shape (n, 3), clearly better than all others.
+
+    Where it does not, the linearised covariance of any fit is worth nothing.
+
+    >>> turn = np.arange(0.0, 6.28, 0.5)
+    >>> ring = np.column_stack([0.6 * np.cos(turn), 0.6 * np.sin(turn), 0.8 + 0.0 * turn])
+    >>> other = ring * [1.0, 1.0, -1.0]
+    >>> told_apart(np.vstack([ring, other]))
+    False
+    >>> told_apart(np.vstack([ring, other, ring[:, [1, 2, 0]]]))
+    True
+    """
+    found = _quadrics(points)
+    if found is None:
+        return False
+    best, second = found[0][:2]
+    return bool(second > max(SECOND_QUADRIC * best, SMALLEST_SECOND))
 
 
 def _ellipsoid_of(
@@ -202,7 +246,7 @@ def _refined(
             solution=result.x,
             covariance=inverse @ inverse.T,
             residual_rms=float(np.sqrt((result.fun**2).mean())),
-            rank=int((singular > 1e-6 * singular[0]).sum()),
+            rank=min(int((singular > 1e-6 * singular[0]).sum()), 9 if told_apart(unit) else 8),
             condition=float(singular[0] / max(singular[-1], 1e-300)),
             coverage=coverage,
             centre=centre,
@@ -237,15 +281,15 @@ def _judged(data: CalibrationData, best: _Optimum) -> Fit:
         coverage=best.coverage,
         residual_rms_mg=best.residual_rms * best.scale,
     )
-    if best.rank < 9:
-        message = f"the readings determine {best.rank} of 9 parameters: cover more directions"
-        return refuse(Cause.NOT_OBSERVABLE, message)
     if relative > LARGEST_RESIDUAL:
         message = (
             f"the residual of {100.0 * relative:.1f} % of the field exceeds "
             f"{100.0 * LARGEST_RESIDUAL:.0f} %: the field around the module changed"
         )
         return refuse(Cause.RESIDUAL_TOO_LARGE, message)
+    if best.rank < 9:
+        message = f"the readings determine {best.rank} of 9 parameters: tilt in pitch and in roll"
+        return refuse(Cause.NOT_OBSERVABLE, message)
     fit = _fit_of(data, best, relative)
     assert fit.predicted_heading_rms_deg is not None  # noqa: S101
     if fit.predicted_heading_rms_deg > LARGEST_PREDICTED_DEG:

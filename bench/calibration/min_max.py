@@ -85,7 +85,14 @@ def fit_min_max(data: CalibrationData) -> Fit:
             "through all headings"
         )
         return refusal(METHOD, Cause.NO_TURN, message, data, coverage=1.0 - gap_deg / 360.0)
-    return _fit_of(data, unit, offset, amplitude, level)
+    residual_mg = _residual_mg(unit, amplitude)
+    if residual_mg > LARGEST_RESIDUAL * amplitude.mean():
+        message = (
+            f"the turn is {100.0 * residual_mg / amplitude.mean():.0f} % off a circle: tilted, "
+            "soft iron off the axes, or a field that changed"
+        )
+        return refusal(METHOD, Cause.RESIDUAL_TOO_LARGE, message, data, residual_rms_mg=residual_mg)
+    return _fit_of(data, unit, offset, amplitude, residual_mg)
 
 
 def level_rows(data: CalibrationData) -> NDArray[np.bool_]:
@@ -115,19 +122,11 @@ def _fit_of(
     unit: NDArray[np.float64],
     offset: NDArray[np.float64],
     amplitude: NDArray[np.float64],
-    level: NDArray[np.bool_],
+    residual_mg: float,
 ) -> Fit:
     horizontal_mg = _horizontal_mg(data, amplitude)
-    radial = np.hypot(unit[:, 0], unit[:, 1]) - 1.0
-    residual = float(np.sqrt((radial**2).mean())) * float(amplitude.mean())
-    if residual > LARGEST_RESIDUAL * amplitude.mean():
-        message = (
-            f"the turn is {100.0 * residual / amplitude.mean():.0f} % off a circle: tilted, soft "
-            "iron off the axes, or a field that changed"
-        )
-        return refusal(METHOD, Cause.RESIDUAL_TOO_LARGE, message, data, residual_rms_mg=residual)
     dof = max(len(unit) - 4, 1)
-    chi2 = len(unit) * residual**2 / data.field_sd_mg**2 / dof
+    chi2 = len(unit) * residual_mg**2 / data.field_sd_mg**2 / dof
     variance = data.field_sd_mg**2 / 2.0 * max(chi2, 1.0)
     rms_deg, max_deg = _predicted(horizontal_mg, variance)
     turn = np.column_stack([unit, np.ones(len(unit))])
@@ -135,13 +134,13 @@ def _fit_of(
     return Fit(
         method=METHOD,
         message="from level readings only; z, soft iron and misalignment are not in the prediction",
-        samples=int(level.sum()),
+        samples=len(unit),
         offset_mg=np.array([offset[0], offset[1], 0.0]),
         matrix=np.diag([horizontal_mg / amplitude[0], horizontal_mg / amplitude[1], 1.0]),
         field_mg=horizontal_mg,
         parameters=PARAMETERS,
         covariance=np.eye(4) * variance,
-        residual_rms_mg=residual,
+        residual_rms_mg=residual_mg,
         chi2_reduced=chi2,
         dof=dof,
         rank=4,
@@ -155,6 +154,12 @@ def _fit_of(
             "largest_gap_deg": largest_gap_deg(unit),
         },
     )
+
+
+def _residual_mg(unit: NDArray[np.float64], amplitude: NDArray[np.float64]) -> float:
+    """Return the RMS distance of the scaled turn from its circle."""
+    radial = np.hypot(unit[:, 0], unit[:, 1]) - 1.0
+    return float(np.sqrt((radial**2).mean())) * float(amplitude.mean())
 
 
 def _horizontal_mg(data: CalibrationData, amplitude: NDArray[np.float64]) -> float:

@@ -24,6 +24,7 @@ from bench.calibration.prediction import (
     model_jacobian,
     predicted_heading_deg,
 )
+from bench.calibration.saturation import saturated_axis
 from bench.calibration.truth_model import RigPoses, observed, rig_poses
 from bench.calibration.truth_solver import DOWN, Sensor, Solution, solved, started
 
@@ -71,13 +72,17 @@ def fit_truth_aided(data: CalibrationData) -> Fit:
         each with ``_sd``, and ``field_magnitude_mg``: the strength in the module's nominal
         scale, |det W|^(1/3) times the station's. The parameters are those of raw = W v + b; the
         covariance is the weights' own, times chi2_reduced where that exceeds one.
-        Refused with NO_TRUTH, TOO_FEW, TILT_TOO_SMALL, NOT_OBSERVABLE, DEGENERATE,
-        NOT_CONVERGED or RESIDUAL_TOO_LARGE.
+        Refused with NO_TRUTH, TOO_FEW, TILT_TOO_SMALL, NOT_OBSERVABLE, SATURATED,
+        DEGENERATE, NOT_CONVERGED or RESIDUAL_TOO_LARGE.
 
     Notes
     -----
     Level poses give rank 3 of the accelerometer's 12, pitch or roll alone 9, both 12; the
     magnetometer's is 9 level and 12 with one tilt ring. `rank` counts both sensors (24).
+
+    The rig's errors count as independent from pose to pose. An encoder's error is the same
+    whenever an angle comes back, so that the standard deviations of the magnetometer's gains
+    are up to 1.4 times too small; those of offsets, field azimuth and dip hold within a fifth.
     """
     if data.azimuth_deg is None or data.pitch_deg is None or data.roll_deg is None:
         message = "the truth-aided fit needs the rig's azimuth, pitch and roll of every reading"
@@ -90,6 +95,10 @@ def fit_truth_aided(data: CalibrationData) -> Fit:
     needed = 12 if data.accel_g is None else 24
     if rank < needed:
         return _unobservable(data, rank, needed, condition)
+    held = saturated_axis(data.field_mg)
+    if held is not None:
+        message = f"axis {held} stops at one value: the sensor is saturated; degauss the module"
+        return refusal(METHOD, Cause.SATURATED, message, data, rank=rank, condition=condition)
     start = started(
         poses,
         data.field_mg,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from typing import TYPE_CHECKING, Final, TextIO
 
 from rich.console import Console
@@ -44,7 +45,7 @@ class ConsoleProgress:
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
-        self._console = Console(file=stream or sys.stderr, highlight=False, soft_wrap=True)
+        self._console = _OpenConsole(file=stream or sys.stderr, highlight=False, soft_wrap=True)
         self._live = self._console.is_terminal
         self._shown_s = -1.0
 
@@ -54,7 +55,7 @@ class ConsoleProgress:
         line = Text(f"{_clock(state)}  {state.step.replace('_', ' ')}", style="bold")
         if state.positions:
             line.append(f"  position {state.position} of {state.positions}", style="not bold dim")
-        self._console.print(line)
+        self._print(line)
 
     def position_reached(self, state: RunState) -> None:
         """Move the line on; not more often than twice a second of the run."""
@@ -67,8 +68,7 @@ class ConsoleProgress:
             f"{_clock(state)}  position {state.position} of {state.positions}  "
             f"|{'=' * filled}{' ' * (30 - filled)}|"
         )
-        self._console.file.write(f"\r{line}\x1b[K")
-        self._console.file.flush()
+        self._write(f"\r{line}\x1b[K")
 
     def measured(self, measurement: Measurement) -> None:
         """Show one measurement between its limits."""
@@ -85,24 +85,39 @@ class ConsoleProgress:
         line.append(f" {limits_text(measurement)}", style="dim")
         if outcome is not Outcome.PASS and measurement.note:
             line.append(f"  {measurement.note}")
-        self._console.print(line)
+        self._print(line)
 
     def step_ended(self, state: RunState, outcome: Outcome) -> None:
         """Say how a step ended where it did not pass."""
         self._clear()
         if outcome is not Outcome.PASS:
-            self._console.print(
-                Text(f"{_clock(state)}  {state.step}: {outcome}", style=STYLES[outcome])
-            )
+            self._print(Text(f"{_clock(state)}  {state.step}: {outcome}", style=STYLES[outcome]))
 
     def _clear(self) -> None:
         if self._live:
-            self._console.file.write("\r\x1b[K")
+            self._write("\r\x1b[K")
+
+    def _print(self, line: Text) -> None:
+        with suppress(OSError, ValueError):  # the run goes on where nobody can watch any more
+            self._console.print(line)
+
+    def _write(self, text: str) -> None:
+        with suppress(OSError, ValueError):
+            self._console.file.write(text)
+            self._console.file.flush()
+
+
+class _OpenConsole(Console):
+    """A console whose reader may go away without ending the program."""
+
+    def on_broken_pipe(self) -> None:
+        """Let the writer know, instead of leaving with an exit code that means FAIL."""
+        raise BrokenPipeError
 
 
 def print_verdict(verdict: Verdict, serial: str, folder: Path | None) -> None:
     """Print the banner, the reason, the next action and where the record is."""
-    console = Console(highlight=False)
+    console = _OpenConsole(highlight=False)
     style = STYLES[verdict.outcome]
     text = Text(justify="center")
     text.append(

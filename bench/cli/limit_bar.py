@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
@@ -17,7 +18,8 @@ def limit_bar(measurement: Measurement, width: int = _WIDTH) -> str:
     """Return ``[---#------~~]``: the limits at the brackets, the value at the mark.
 
     A one-sided limit starts at zero or ends at twice its value; the guard band is drawn with
-    ``~``. A value outside the limits stands before or behind the brackets as ``<#`` or ``#>``.
+    ``~``. A value outside the limits stands before or behind the brackets as ``<`` or ``>``, one
+    that could not be measured as ``?``.
     """
     limit = measurement.limit
     if limit is None or (limit.low is None and limit.high is None):
@@ -36,7 +38,9 @@ def limit_bar(measurement: Measurement, width: int = _WIDTH) -> str:
         if limit.high is not None:
             cells[width - 1 - index] = _GUARD
     before, behind = " ", " "
-    if measurement.value < low:
+    if math.isnan(measurement.value):
+        behind = "?"
+    elif measurement.value < low:
         before = "<"
     elif measurement.value > high:
         behind = ">" if limit.high is not None else " "

@@ -79,7 +79,8 @@ def simulate(  # noqa: PLR0913 - one parameter an option of the command line
     nvm: options.Nvm = None,
     replay: options.Replay = None,
     seconds: Annotated[
-        float | None, typer.Option("--seconds", min=0.0, help="End after so much wall time.")
+        float | None,
+        typer.Option("--seconds", min=0.0, max=1e9, help="End after so much wall time."),
     ] = None,
     *,
     free_running: Annotated[
@@ -251,6 +252,10 @@ def main() -> None:
         sys.exit(2)
     except BrokenPipeError:
         sys.exit(141)
+    except OSError as error:
+        what = error.filename or "standard output or a file"
+        typer.echo(f"compass-bench: {what} cannot be used: {error.strerror or error}", err=True)
+        sys.exit(4)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -26,7 +26,7 @@ def judge_run(folder: Path, *, limits: Path | None, json: bool) -> int:
     ConfigError
         If the folder is not a run's, or the limits cannot be used.
     """
-    from bench.acceptance.rejudge import rejudge
+    from bench.rejudge import rejudge
 
     judged = rejudge(folder, limits)
     if json:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json as json_module
 import re
+import select
 import sys
+import time
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -20,6 +23,7 @@ from bench.executor import FAULT_NAMES, OTHER_FAULT, execute
 from bench.limit_set import load_limits
 from bench.module import Module
 from bench.pairing import LatencyEstimate
+from bench.plan import plan_of
 from bench.procedure_loader import load_procedure, procedure_path
 from bench.record.recorder import RunRecorder
 from bench.rig import Rig
@@ -33,11 +37,14 @@ from protocols.clock import MonotonicClock, SimulatedClock
 
 if TYPE_CHECKING:
     from bench.acceptance.verdict import Verdict
+    from bench.bus import BenchBus
     from bench.limit_set import LimitSet
     from bench.procedure import Procedure
     from bench.station import Station
 
 SERIAL_PATTERN: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,31}")
+
+_ASKING_S: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,6 +147,7 @@ def _files(request: RunRequest) -> RunFiles:
     )
     _check_site(station)
     limits.require(procedure.measured())
+    plan_of(procedure)  # a pose that cannot be reached is found before anything moves
     return RunFiles(procedure=procedure, limits=limits, station=station)
 
 
@@ -247,7 +255,7 @@ def _context(
         procedure=files.procedure,
         serial=serial,
         rig=rig,
-        ask=None if request.no_input or not sys.stdin.isatty() else _ask,
+        ask=None if request.no_input or not sys.stdin.isatty() else partial(_ask, bus),
     )
     if not (request.json or request.quiet):
         context.progress = ConsoleProgress()
@@ -267,5 +275,25 @@ def _record_latency(recorder: RunRecorder, latency: LatencyEstimate | None) -> N
         recorder.set("bus", {"pairing": latency.entry()})
 
 
-def _ask(question: str) -> str:
-    return str(typer.prompt(question, err=True))
+def _ask(bus: BenchBus, question: str) -> str:
+    """Return the operator's answer; the wish to end the run is honoured while waiting.
+
+    On a real bus time goes on meanwhile, as the drives would stop otherwise.
+
+    Raises
+    ------
+    ConfigError
+        If the terminal has no answer to give any more.
+    """
+    typer.echo(f"{question}: ", nl=False, err=True)
+    while not select.select([sys.stdin], [], [], 0.0)[0]:
+        if bus.mode == "lockstep":
+            bus.cancel.check()
+            time.sleep(_ASKING_S)
+        else:
+            bus.tick()
+    answer = sys.stdin.readline()
+    if not answer:
+        message = f"the operator must answer {question!r}; instead the terminal was closed"
+        raise ConfigError(message)
+    return answer.strip()

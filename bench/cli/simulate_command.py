@@ -53,7 +53,7 @@ def simulator_options(
     ConfigError
         If a fault does not exist, or the memory's file cannot be one.
     """
-    if nvm is not None and (nvm.is_dir() or not nvm.parent.is_dir()):
+    if nvm is not None and (not nvm.parent.is_dir() or (nvm.exists() and not nvm.is_file())):
         message = f"--nvm must be a file in a folder that exists; instead received {nvm}"
         raise ConfigError(message)
     try:

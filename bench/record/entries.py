@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from bench.acceptance.measurement import Limit, Measurement
 from bench.acceptance.outcome import Outcome
+from bench.errors import ConfigError
 from bench.pose import Attitude, Pose
 from bench.record.plain import plain
 from protocols.uds import Coefficients
@@ -126,14 +127,24 @@ def verdict_entry(verdict: Verdict) -> dict[str, Any]:
 
 
 def coefficients_of(entry: Mapping[str, Any]) -> Coefficients:
-    """Return the coefficients of an entry of the section `coefficients`."""
-    return Coefficients(
-        version=int(entry["version"]),
-        mag_offset_mg=_flat(entry["mag_offset_mg"]),
-        mag_matrix=_flat(entry["mag_matrix"]),
-        accel_offset_g=_flat(entry["accel_offset_g"]),
-        accel_matrix=_flat(entry["accel_matrix"]),
-    )
+    """Return the coefficients of an entry of the section `coefficients`.
+
+    Raises
+    ------
+    ConfigError
+        If the entry does not hold them.
+    """
+    try:
+        return Coefficients(
+            version=int(entry["version"]),
+            mag_offset_mg=_flat(entry["mag_offset_mg"]),
+            mag_matrix=_flat(entry["mag_matrix"]),
+            accel_offset_g=_flat(entry["accel_offset_g"]),
+            accel_matrix=_flat(entry["accel_matrix"]),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        message = f"coefficients of the record must be a whole set; instead {error} is wrong there"
+        raise ConfigError(message) from error
 
 
 def _flat(values: list[Any]) -> tuple[float, ...]:

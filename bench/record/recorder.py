@@ -109,15 +109,7 @@ class RunRecorder:
         self.verdict: Verdict | None = None
         """The final verdict, known after `close`: ERROR where the record has a hole."""
         self._folder = RunFolder(out_dir, serial, procedure, self._started)
-        run = {
-            "id": "-".join([procedure, serial, *([f"seed{seed}"] if seed is not None else [])]),
-            "procedure": procedure,
-            "procedure_version": procedure_version,
-            "serial": serial,
-            "started_utc": self._started.isoformat(),
-            "seed": seed,
-            "status": "running",
-        }
+        run = _begun_run(serial, procedure, procedure_version, seed, self._started)
         self._record = _empty_record(run)
         self._sinks: list[Sink] = []
         try:
@@ -324,6 +316,20 @@ class RunRecorder:
             file.flush()
             os.fsync(file.fileno())
         fresh.replace(self.path(RECORD_FILE))
+
+
+def _begun_run(
+    serial: str, procedure: str, procedure_version: str, seed: int | None, started: datetime
+) -> dict[str, Any]:
+    return {
+        "id": "-".join([procedure, serial, *([f"seed{seed}"] if seed is not None else [])]),
+        "procedure": procedure,
+        "procedure_version": procedure_version,
+        "serial": serial,
+        "started_utc": started.isoformat(),
+        "seed": seed,
+        "status": "running",
+    }
 
 
 def _empty_record(run: Mapping[str, object]) -> dict[str, Any]:

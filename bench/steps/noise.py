@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field
 
 from bench.pose import Attitude
 from bench.quantity import Degrees, Seconds
@@ -18,8 +20,8 @@ class Noise(Step):
     kind: Literal["noise"]
     azimuth: Degrees = 0.0
     """Heading at which to listen, level."""
-    dwell: Seconds = 2.0
-    """How long to listen."""
+    dwell: Annotated[Seconds, Field(ge=0.5)] = 2.0
+    """How long to listen; of a few readings no spread can be told."""
 
     def poses(self) -> list[PlannedPose]:
         """Return the one pose."""

@@ -10,23 +10,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from bench.acceptance.evaluation import (
+from bench.acceptance.fit_evaluation import evaluate_fit
+from bench.acceptance.heading_evaluation import (
     achieved_heading,
     bench_heading_deg,
-    calibration_data,
-    evaluate_fit,
-    evaluate_noise,
-    evaluate_peaks,
     evaluate_returns,
-    evaluate_senses,
-    evaluate_set_reset,
-    evaluate_sweep,
     evaluate_temperature,
     evaluate_verification,
     ranking,
 )
 from bench.acceptance.measurement import Limit, Measurement
 from bench.acceptance.outcome import Outcome
+from bench.acceptance.sensor_evaluation import (
+    evaluate_noise,
+    evaluate_peaks,
+    evaluate_senses,
+    evaluate_set_reset,
+    evaluate_sweep,
+)
+from bench.acceptance.site import calibration_data
 from bench.acceptance.verdict import judge_measurement, verdict_of
 from bench.calibration.deviation import exact_deviation
 from bench.calibration.methods import METHODS, fit_named

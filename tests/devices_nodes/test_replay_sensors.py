@@ -106,7 +106,7 @@ def test_a_recording_without_acceleration_says_so_and_still_sends_every_field(re
     ("old", "new", "sentence"),
     [
         ("mx,my", "mx,mq", "must have columns mx, my, mz; missing my"),
-        ("mx,my", "mx,mx", "must name each column once; instead it has 'mx' twice"),
+        ("mx,my", "mx,mx", "column 'mx' of recording recording.csv is named twice"),
         ("300.0", "nan", "mz in line 6 of recording recording.csv must be a number"),
         ("300.0", "", "mz in line 6 of recording recording.csv must be a number"),
         ("300.0", "9e5", "mz in line 6 .* must be within 32767 steps of 0.25"),

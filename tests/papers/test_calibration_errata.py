@@ -90,3 +90,17 @@ def test_five_percent_of_gain_mismatch_leaves_1_4_deg_without_amplitudes() -> No
     data = CalibrationData(field_mg=body(0.0, 0.0) * [1.05, 1.0, 1.0], azimuth_deg=HEADINGS)
     assert heading_error(data, None).max_deg == pytest.approx(1.4, abs=0.02)
     assert heading_error(data, fit_min_max(data)).max_deg < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("gains", "offset", "left_deg"),
+    [((1.0, 1.0), 0.005, 0.29), ((1.005, 1.0), 0.0, 0.143), ((0.86, 0.86), 0.0, 0.0)],
+    ids=["offset of 0.5 % of H", "mismatch of 0.5 %", "common gain"],
+)
+def test_gain_drift_costs_by_what_it_leaves(
+    gains: tuple[float, float], offset: float, left_deg: float
+) -> None:
+    """Caruso's 0.29 deg over 50 deg C is that of an offset, twice that of a mismatch."""
+    raw = body(0.0, 0.0)[:, :2] * gains + [offset * HORIZONTAL, 0.0]
+    data = CalibrationData(field_mg=np.insert(raw, 2, 433.0, axis=1), azimuth_deg=HEADINGS)
+    assert heading_error(data, None).max_deg == pytest.approx(left_deg, abs=0.005)

@@ -6,6 +6,8 @@
 | Caruso (2) | z up | z down, or one sign |
 | Caruso (3) | no case for Xh > 0, Yh = 0 | atan2 |
 | Caruso, declination | add if westerly | true = magnetic + east declination |
+| Cho & Park (3), (18) | declination counts west | true = magnetic + east declination |
+| Konvalin, bank | angle of the y axis to the horizon | Euler roll |
 | Caruso Fig. 14 | 0.5 deg for 0.3 deg of pitch | tan(dip) times the tilt error |
 | Cho & Park (17) | arcsin of one axis | atan2 of three |
 | Cho & Park (24) | one-argument arctangent | atan2(b, a) |
@@ -25,7 +27,7 @@ from bench.calibration.tilt import (
     ned_from_body,
     tilt_compensated_heading_deg,
 )
-from protocols.angles import wrap_180_deg
+from protocols.angles import wrap_180_deg, wrap_360_deg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -98,6 +100,23 @@ def test_declination_is_added_when_easterly() -> None:
     # A needle that points 15 deg east of true north: the nose 100 right of it is 115 from north.
     assert used == pytest.approx(115.0)
     assert abs(printed - float(used)) == pytest.approx(2.0 * east_deg)
+
+
+@pytest.mark.parametrize("east_deg", [-9.0, 4.0])
+def test_cho_park_18_subtracts_a_declination_that_counts_west(east_deg: float) -> None:
+    magnetic_deg = wrap_360_deg(HEADINGS - east_deg)  # HEADINGS are true here
+    west_deg = -east_deg
+    assert worst_deg(magnetic_deg - west_deg) < 1e-9
+    assert worst_deg(magnetic_deg - east_deg) == pytest.approx(2.0 * abs(east_deg))
+    assert worst_deg(true_heading_deg(magnetic_deg, east_deg)) < 1e-9
+
+
+def test_konvalin_s_bank_is_not_the_roll_of_a_pitched_module() -> None:
+    """The y axis to the horizon: arcsin(cos(pitch) sin(roll)), 25.7 for a roll of 30 deg."""
+    field = body(FIELD_NED, 30.0, 30.0)
+    bank_deg = np.rad2deg(np.arcsin(ned_from_body(0.0, 30.0, 30.0)[2, 1]))
+    assert worst_deg(heading_deg(field, 30.0, bank_deg)) == pytest.approx(8.7, abs=0.05)
+    assert worst_deg(heading_deg(field, 30.0, 30.0)) < 1e-9
 
 
 def test_caruso_fig_14_holds_at_dip_59_only() -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import signal
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 from bench.acceptance.outcome import Outcome
@@ -71,6 +73,19 @@ def test_a_good_unit_has_an_error_that_is_small_and_not_zero(good_run):
     assert 0.01 < good_run.value("level_max") < 0.5
     assert 0.01 < good_run.value("tilt_max") < 0.8
     assert 0.0 < good_run.value("bench_against_module") < 0.02
+
+
+def test_the_weights_of_the_fit_are_those_of_a_good_unit_and_foretell_its_error(good_run):
+    """The prediction is the coefficients' part; a reading adds 0.32 mG at 250 mG and its tilt."""
+    fit = good_run.context.fits["truth_aided"]
+    achieved = good_run.recorder.achieved["truth_aided"]
+    reading_deg = np.hypot(np.rad2deg(0.32 / 250.0), np.rad2deg(0.0004 * np.sqrt(3.0)))
+
+    assert 0.5 < fit.chi2_reduced < 1.5
+    assert fit.predicted_heading_rms_deg < 0.05
+    expected_deg = np.hypot(fit.predicted_heading_rms_deg, reading_deg)
+    assert 0.6 < achieved["level_rms_deg"] / expected_deg < 1.6
+    assert 0.6 < achieved["tilt_rms_deg"] / expected_deg < 1.7
 
 
 def test_every_declared_measurement_is_judged_in_the_order_of_the_steps(good_run):
@@ -156,6 +171,26 @@ def test_a_fault_of_the_bench_is_an_error_with_its_name(prepare, fault, first):
 
     assert (verdict.outcome, verdict.first_failure) == (Outcome.ERROR, first)
     assert run.recorder.verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("wrong", "first"),
+    [
+        ({"field_azimuth_deg": 0.5}, "field_azimuth_difference"),
+        ({"field_azimuth_deg": -0.5}, "field_azimuth_difference"),
+        ({"dip_deg": 60.5}, "dip_difference"),
+    ],
+)
+def test_half_a_degree_between_rig_and_station_is_an_error_and_seen_as_that(prepare, wrong, first):
+    """A slipped azimuth index, or a station's record that no longer holds: never the unit."""
+    run = prepare()
+    run.context.station = replace(run.context.station, **wrong)
+
+    verdict = run.execute()
+
+    assert (verdict.outcome, verdict.first_failure) == (Outcome.ERROR, first)
+    assert run.value(first) == pytest.approx(0.5, abs=0.08)
+    assert run.context.written is None
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

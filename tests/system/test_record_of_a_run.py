@@ -8,8 +8,8 @@ import re
 import pytest
 
 from bench.acceptance.outcome import Outcome
-from bench.acceptance.rejudge import rejudge
 from bench.cli.run_command import RunRequest, run_procedure
+from bench.rejudge import rejudge
 
 
 @pytest.fixture(scope="module")

@@ -38,6 +38,18 @@ def test_noise_is_the_standard_deviation_of_single_readings(make_unit, poses_of_
     assert all(abs(value - 0.4) < 4 * 0.04 for value in found.values())
 
 
+def test_noise_that_set_and_reset_share_is_noise_of_a_reading(make_unit, poses_of_run):
+    """Half the difference would lose it, and with it half of a sensor's 1/f noise."""
+    samples = make_unit(noise_mg=0.01).samples(poses_of_run["noise"])
+    shared_mg = np.random.default_rng(3).normal(0.0, 0.3, (len(samples), 3))
+    samples["set_mg"] += shared_mg
+    samples["reset_mg"] += shared_mg
+
+    found = values(evaluate_noise("noise", readings_of(samples)))
+
+    assert list(found.values()) == pytest.approx(shared_mg.std(axis=0, ddof=1), rel=0.05)
+
+
 def test_peak_names_axis_and_position_of_the_largest_reading(unit, pair_poses):
     readings = readings_of(unit.samples(pair_poses))
     readings["peak_mg"][3, 1] = 790.5

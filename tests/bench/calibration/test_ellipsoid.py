@@ -82,6 +82,23 @@ def test_level_and_one_tilt_are_refused(
     assert fit.cause in {Cause.DEGENERATE, Cause.NOT_OBSERVABLE}
 
 
+@pytest.mark.parametrize("noise_mg", [0.0, 0.1, 0.35, 5.0])
+@pytest.mark.parametrize("seed", range(25))
+def test_two_rings_are_refused_although_a_wrong_ellipsoid_fits_them(
+    seed: int, noise_mg: float
+) -> None:
+    """Parallel rings lie on a family of ellipsoids; the noise picks one hundreds of mG off."""
+    rng = np.random.default_rng(seed)
+    turn = rng.uniform(0.0, 2.0 * np.pi, 48)
+    height = np.where(np.arange(48) % 2, 0.87, 0.6)
+    across = np.sqrt(1.0 - height**2)
+    directions = np.column_stack([across * np.cos(turn), across * np.sin(turn), height])
+    field = 500.0 * directions @ np.linalg.inv(SHAPE) + OFFSET
+    fit = fit_ellipsoid(CalibrationData(field_mg=field + rng.normal(0.0, noise_mg, field.shape)))
+    assert fit.cause in {Cause.DEGENERATE, Cause.NOT_OBSERVABLE, Cause.NOT_CONVERGED}
+    assert fit.matrix is None
+
+
 def test_clustered_readings_are_refused() -> None:
     fit = fit_ellipsoid(CalibrationData(field_mg=readings_mg(60, 0.5, cap=0.985)))
     assert fit.cause in {Cause.NOT_OBSERVABLE, Cause.DEGENERATE}

@@ -70,3 +70,18 @@ def test_verdict_has_shape_word_reason_and_next_action(capsys: object) -> None:
     assert "SN7" in text
     assert "too far off" in text
     assert "Red bin." in text
+
+
+class ClosedPipe(io.StringIO):
+    """A stream whose reader has gone away."""
+
+    def write(self, text: str) -> int:
+        raise BrokenPipeError
+
+
+def test_a_run_goes_on_where_nobody_reads_its_progress_any_more() -> None:
+    progress = ConsoleProgress(ClosedPipe())
+
+    progress.step_started(STATE)
+    progress.measured(measurement(0.25))
+    progress.step_ended(STATE, Outcome.FAIL)

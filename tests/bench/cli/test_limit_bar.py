@@ -20,6 +20,10 @@ def test_value_outside_stands_behind_its_bracket(value: float, bar: str) -> None
     assert limit_bar(measured(value, low=0.0, high=0.5), width=8) == bar
 
 
+def test_a_value_that_could_not_be_measured_is_a_question() -> None:
+    assert limit_bar(measured(float("nan"), high=0.5), width=8) == " [--------]?"
+
+
 def test_value_on_the_limit_is_inside() -> None:
     assert limit_bar(measured(0.5, low=0.0, high=0.5), width=8) == " [-------#] "
 

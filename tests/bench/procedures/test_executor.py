@@ -355,3 +355,16 @@ def test_the_station_and_the_bus_stand_in_the_record(run_of):
 
     assert context.recorder.sections["station"]["horizontal_mg"] == 250.0
     assert context.recorder.sections["bus"]["mode"] == "lockstep"
+
+
+def test_a_step_that_would_leave_the_program_parks_and_closes_the_record(run_of):
+    done = []
+
+    def leaving(context):
+        context.on_exit("park the rig", lambda: done.append("park"))
+        raise SystemExit(1)
+
+    verdict, context = run_of(script("a", leaving))
+
+    assert done == ["park"]
+    assert context.recorder.verdict.outcome is verdict.outcome is Outcome.ERROR

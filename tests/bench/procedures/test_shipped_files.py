@@ -87,6 +87,13 @@ def test_the_main_procedures_limits_are_those_of_the_issue(name, high):
     assert 0.0 < limit.uncertainty < high
 
 
+@pytest.mark.parametrize("name", ["level_max", "tilt_max"])
+def test_the_heading_maxima_are_guarded_by_their_whole_uncertainty(name):
+    limit = load_limits("eol_three_axis").by_name[name]
+
+    assert limit.guard_band == limit.uncertainty > 0.0
+
+
 @pytest.mark.parametrize("name", ["field_azimuth_difference", "dip_difference"])
 def test_a_field_that_is_not_the_stations_is_an_error_of_the_bench(name):
     limit = load_limits("eol_three_axis").by_name[name]

@@ -73,3 +73,17 @@ def test_a_station_far_from_the_models_field_is_not_ready(station_of, horizontal
 
 def test_a_station_without_a_gate_is_not_checked(station_of):
     check_model_gate(station_of(BODY), horizontal_mg=500.0, dip_deg=0.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("dip: 65 deg", "dip: 89 deg", "field of horizontal and dip must be at most 1000 mG"),
+        ("declination: 3 deg", "declination: 1e300 deg", "declination must be from -360 deg"),
+        ("field_azimuth: -12.5", "field_azimuth: 361", "field_azimuth must be from -360 deg"),
+        ("angle_uncertainty: 0.04", "angle_uncertainty: -0.04", "must not be negative"),
+    ],
+)
+def test_a_station_that_is_not_on_earth_is_refused(station_of, old, new, sentence):
+    with pytest.raises(ConfigError, match=sentence):
+        station_of(BODY.replace(old, new))

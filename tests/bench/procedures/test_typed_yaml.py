@@ -97,8 +97,12 @@ def test_a_name_that_two_steps_have_is_refused(refusal_of):
 
 
 @pytest.mark.parametrize(
-    "text", ["a: [1, 2", "\tname: x", "a: b: c", "- 1\n- 2\n", "", "just words", "a: *nothing"]
-)
+    "text",
+    [
+        "a: [1, 2", "\tname: x", "a: b: c", "- 1\n- 2\n", "", "just words", "a: *nothing",
+        "a: &x [*x]", "? [1, 2]\n: 3", "a: !!int b", "a: !!python/name:os.system", "a: 2026-99-99",
+    ],
+)  # fmt: skip
 def test_what_is_no_yaml_mapping_is_refused_in_one_sentence(refusal_of, text):
     assert refusal_of(text)
 
@@ -142,3 +146,18 @@ SWEEP = "  - {kind: sweep, name: turn, headings: {count: 4}}\n"
 )
 def test_steps_that_would_release_what_nothing_judged_are_refused(refusal_of, steps, sentence):
     assert sentence in refusal_of(HEAD + "steps:\n" + steps)
+
+
+def test_rounds_that_never_end_are_refused(refusal_of):
+    inner = "{kind: repeat, name: b, times: 1000, steps: [{kind: wait, name: c, duration: 1 s}]}"
+    steps = f"  - {{kind: repeat, name: a, times: 1000, steps: [{inner}]}}\n"
+
+    assert "must be at most 10000; instead received 1001001" in refusal_of(
+        HEAD + "steps:\n" + steps
+    )
+
+
+def test_noise_of_a_few_readings_is_refused(refusal_of):
+    steps = "  - {kind: noise, name: noise, dwell: 20 ms}\n"
+
+    assert "greater than or equal to 0.5" in refusal_of(HEAD + "steps:\n" + steps)

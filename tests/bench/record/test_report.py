@@ -85,7 +85,7 @@ def test_the_failed_limit_comes_first_with_limit_distance_and_action(bad_run):
     attention = text[text.index("What needs attention") : text.index("Heading error")]
 
     assert "1 of 39 judged" in attention
-    assert "0.703 deg ≤ 0.5 deg 0.203 deg outside" in attention
+    assert "0.702 deg ≤ 0.5 deg 0.202 deg outside" in attention
     assert "Look at level_max in the fault guide." in attention
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -93,9 +94,11 @@ def test_a_file_that_is_no_procedure_at_all_is_refused(bench_run, tmp_path, cont
         ("    high: 0.255 mG\n", "", "limits must have low or high"),
         ("high: 0.255 mG", "high: 0.255 deg", "number with its unit"),
         ("high: 0.255 mG", "high: nan mG", "number with its unit"),
+        ("high: 0.255 mG", "high: 0", "number with its unit"),
+        ("high: 0.255 mG", "high: true", "valid string"),
         ('"noise_{x,y,z}"', '"noise_{x,y}"', "limits set_reset 1.0 lack noise_z"),
         ('"noise_{x,y,z}"', '"noize_{x,y,z}"', "unknown measurement 'noize_x'; did you mean"),
-        ("unit: mG\n    high: 0.255 mG\n    uncertainty: 0.012 mG",
+        ("unit: mG\n    high: 0.255 mG\n    uncertainty: 0.02 mG",
          "unit: deg\n    high: 1 deg\n    uncertainty: 0.1 deg", "unit of noise_x must be mG"),
         ("missed: ERROR", "missed: MAYBE", "missed"),
     ],
@@ -199,7 +202,7 @@ def test_a_value_out_of_range_is_a_usage_error(bench_run, argv):
 
 
 def test_a_memory_file_that_cannot_be_one_is_refused(bench_run, tmp_path):
-    for nvm in (tmp_path, tmp_path / "no" / "folder.nvm"):
+    for nvm in (tmp_path, tmp_path / "no" / "folder.nvm", Path("/dev/zero")):
         ended = bench_run("set_reset", "--nvm", nvm)
 
         assert ended.code == 2
@@ -216,3 +219,22 @@ def test_the_files_that_the_tests_edit_are_sound(bench_run):
 
     assert ended.code == 0
     assert ended.record["verdict"]["outcome"] == "PASS"
+
+
+def test_a_pose_that_cannot_be_reached_is_refused_before_a_record_is_begun(bench_run, edited):
+    ended = bench_run(edited("procedure", "pitch: 30 deg", "pitch: 95 deg"), "--limits",
+                      load_limits("set_reset").path)  # fmt: skip
+
+    assert ended.code == 2
+    assert "pitch must be between -90 and 90 deg; instead received 95 deg" in ended.sentence
+    assert not ended.recorded
+
+
+def test_any_seed_makes_a_unit(bench_run, tmp_path):
+    path = tmp_path / "homed.yaml"
+    path.write_text(
+        'name: homed\nversion: "1.0"\ntitle: t\nlimits: set_reset\nsteps:\n'
+        "  - {kind: check_bus, name: bus}\n  - {kind: home, name: home}\n"
+    )
+
+    assert bench_run(path, "--seed", 10**22).code == 0

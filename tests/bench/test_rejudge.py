@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from bench.acceptance.outcome import Outcome
-from bench.acceptance.rejudge import rejudge, require_same
 from bench.errors import ConfigError
 from bench.procedure_loader import procedure_path
 from bench.record.entries import limits_of
+from bench.rejudge import rejudge, require_same
 from bench.sample_file import SampleFile, read_samples
 from bench.shipped import file_sha256
 
@@ -211,3 +211,11 @@ def test_an_error_of_the_bench_stays_one_beside_a_measurement_that_was_an_error(
 
     assert again.verdict.outcome is Outcome.ERROR
     assert again.verdict.reason == "azimuth axis is in fault"
+
+
+@pytest.mark.parametrize("written", ["none", {"version": 1}])
+def test_coefficients_that_are_no_whole_set_are_refused(good_run, written):
+    edit_record(good_run, lambda r: r["coefficients"].update(written=written))
+
+    with pytest.raises(ConfigError, match="coefficients of the record must be a whole set"):
+        rejudge(good_run)
