@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 _FIELD: Final = ("mx", "my", "mz")
 _FORCE: Final = ("ax", "ay", "az")
 _INT16: Final = 32767
+_OFF_STEP: Final = 0.05
+"""Share of a step by which a printed value may be off its step."""
 
 Row = tuple["Counts", "Counts"]
 
@@ -115,6 +117,13 @@ class ReplaySensors:
                 message = (
                     f"{column} in line {line} of recording {name} must be within "
                     f"{_INT16} steps of {scale:g}; instead received {row[column]}"
+                )
+                raise ValueError(message)
+            if abs(count - round(count)) > _OFF_STEP:
+                message = (
+                    f"{column} in line {line} of recording {name} must be a whole number of steps "
+                    f"of {scale:g}; instead received {row[column]}: import it with "
+                    "`compass-bench import`"
                 )
                 raise ValueError(message)
             values.append(round(count))

@@ -109,6 +109,7 @@ def test_a_recording_without_acceleration_says_so_and_still_sends_every_field(re
         ("mx,my", "mx,mx", "column 'mx' of recording recording.csv is named twice"),
         ("300.0", "nan", "mz in line 6 of recording recording.csv must be a number"),
         ("300.0", "", "mz in line 6 of recording recording.csv must be a number"),
+        ("300.0", "300.1", "mz in line 6 .* must be a whole number of steps of 0.25"),
         ("300.0", "9e5", "mz in line 6 .* must be within 32767 steps of 0.25"),
         ("mag_unit: mG", "mag_unit: uT", "mag_unit .* must be mG; instead received uT"),
         ("resolution_mg: 0.25", "resolution_mg: 0", "must be a positive number"),
