@@ -1,4 +1,4 @@
-"""A tenth of the study of good units: `python benchmarks/good_units.py` makes the whole."""
+"""A tenth of the study of good units: `make good-units` makes the whole."""
 
 from __future__ import annotations
 
@@ -13,29 +13,18 @@ STUDY = Path(__file__).resolve().parents[2] / "benchmarks" / "good_units.py"
 UNITS = 20
 
 
-@pytest.fixture(scope="module")
-def study() -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+def test_good_units_pass_none_is_perfect_and_raw_they_are_tens_of_degrees_off() -> None:
+    study = subprocess.run(
         [sys.executable, STUDY, "--units", str(UNITS), "--workers", "1"],
         capture_output=True,
         text=True,
         check=False,
     )
 
-
-@pytest.mark.slow
-@pytest.mark.timeout(400)
-def test_good_units_pass_and_none_is_perfect(study: subprocess.CompletedProcess[str]) -> None:
     assert study.returncode == 0, study.stdout + study.stderr
     assert "NOT MET" not in study.stdout
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(400)
-def test_raw_headings_of_good_units_are_tens_of_degrees_off(
-    study: subprocess.CompletedProcess[str],
-) -> None:
-    row = re.search(r"^raw_max\s+([\d.]+)", study.stdout, re.MULTILINE)
-
-    assert row is not None, study.stdout
-    assert 20.0 <= float(row[1]) <= 60.0
+    raw_max = re.search(r"^raw_max\s+([\d.]+)", study.stdout, re.MULTILINE)
+    assert raw_max is not None, study.stdout
+    assert 20.0 <= float(raw_max[1]) <= 60.0
