@@ -205,6 +205,12 @@ def _recorder(
         seed=request.seed if virtual else None,
         products=products,
     )
+    _record_conditions(recorder, request, files)
+    return recorder
+
+
+def _record_conditions(recorder: RunRecorder, request: RunRequest, files: RunFiles) -> None:
+    """Write down with what software, files and bus the run is made; copy the files."""
     recorder.set("software", software_section())
     copies = {
         "procedure": procedure_path(request.procedure),
@@ -212,14 +218,8 @@ def _recorder(
         "station": files.station.path,
     }
     hashes = config_files(copies, recorder.path("config"))
-    recorder.set(
-        "config",
-        {
-            **hashes,
-            "limits_id": files.limits.id,
-            "limits_version": files.limits.version,
-        },
-    )
+    limits = {"limits_id": files.limits.id, "limits_version": files.limits.version}
+    recorder.set("config", {**hashes, **limits})
     recorder.set(
         "bus",
         {
@@ -228,7 +228,6 @@ def _recorder(
             "bitrate": request.bitrate,
         },
     )
-    return recorder
 
 
 def _context(
