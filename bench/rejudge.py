@@ -59,7 +59,8 @@ def rejudge(run_dir: Path, limits_path: Path | None = None) -> Rejudged:
     Parameters
     ----------
     run_dir : Path
-        Folder of a run, also one that was cut off (`.part`).
+        Folder of a run. One whose process was killed (`.part`) is refused: its samples have
+        no footer.
     limits_path : Path or None
         Limits file to judge by; None for the run's own.
 

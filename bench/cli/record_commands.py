@@ -88,9 +88,7 @@ def write_report(folder: Path) -> int:
     ConfigError
         If the folder is not a run's.
     """
-    from bench.record.report import write_report as write
+    from bench.record.report import rewrite_report
 
-    path = folder / "report.html"
-    write(path, read_record(folder))
-    typer.echo(path)
+    typer.echo(rewrite_report(folder))
     return 0
