@@ -193,8 +193,8 @@ class Bridge3:
         Their common strap.
     draw : callable
         Gives the next standard normal number.
-    bits : int
-        Resolution of the converter over +-800 mG, 8 to 16.
+    bits, range_mg : int, float
+        Resolution of the converter over +-range_mg, 8 to 16.
     """
 
     def __init__(
@@ -203,6 +203,7 @@ class Bridge3:
         strap: Strap,
         draw: Callable[[], float],
         bits: int = 14,
+        range_mg: float = RANGE_MG,
     ) -> None:
         if not 8 <= bits <= 16:
             message = f"bits must be within 8 and 16; instead received {bits}"
@@ -210,7 +211,7 @@ class Bridge3:
         x, y, z = (Bridge(one) for one in parameters)
         self.bridges = (x, y, z)
         self.strap = strap
-        self.mg_per_count = 2.0 * RANGE_MG / 2.0**bits
+        self.mg_per_count = 2.0 * range_mg / 2.0**bits
         self.count_limit = (1 << bits - 1) - 1
         self._draw = draw
         self._flipped = strap.flipped(strap.nominal_ma)

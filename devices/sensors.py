@@ -54,7 +54,7 @@ class Sensors:
         self._world = world
         self._noise_rng, memory_rng = rng.spawn(2)
         self._draw = NormalStream(memory_rng)
-        self._bridges = Bridge3(unit.bridges, unit.strap, self._draw, unit.bits)
+        self._bridges = Bridge3(unit.bridges, unit.strap, self._draw, unit.bits, unit.range_mg)
         self._magnetics: Magnetics = unit.magnetics
         self._accelerometer: Accelerometer = unit.accelerometer
         self._accel_gain: Vector = (1.0, 1.0, 1.0)

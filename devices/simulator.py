@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from devices.faults import ActiveFault
+    from devices.unit import ModuleUnit
     from protocols.clock import Clock
     from protocols.link import Link
 
@@ -163,21 +164,38 @@ def build_module(
         If a recording was asked for and is none, or cannot be read.
     """
     serial, seed = options.serial, options.seed
-    rng = unit_stream(serial, seed, _FIRMWARE)
     store = CoefficientStore(options.nvm)
     if options.replay is not None:
+        rng = unit_stream(serial, seed, _FIRMWARE)
         replay = ReplaySensors(options.replay)
         firmware = Firmware(serial, replay, store, rng, converters=replay.converters, replay=replay)
         return CompassModule(firmware, address=options.address), replay
     unit = draw_unit(serial, seed, site=world.earth)
+    return module_of(unit, world, store, options.address)
+
+
+def build_drives(world: World, seed: int) -> list[Drive]:
+    """Return the drives of a world's rig, in the order azimuth, pitch, roll."""
+    return [
+        Drive(node_id, axis, serial=seed * 8 + node_id & 0xFFFFFFFF)
+        for node_id, axis in zip(AXIS_NODES, world.rig.axes, strict=True)
+    ]
+
+
+def module_of(
+    unit: ModuleUnit, world: World, store: CoefficientStore, address: int
+) -> tuple[CompassModule, Sensors]:
+    """Return a module of a unit's parameters in a world, and its sensors."""
+    serial, seed = unit.serial, unit.seed
     sensors = Sensors(unit, world, unit_stream(serial, seed, _NOISE))
     converters = Converters(
         mag_mg_per_count=unit.mag_mg_per_count,
         accel_g_per_count=unit.accel_g_per_count,
         mag_count_limit=2 ** (unit.bits - 1) - 1,
     )
+    rng = unit_stream(serial, seed, _FIRMWARE)
     firmware = Firmware(serial, sensors, store, rng, converters=converters)
-    return CompassModule(firmware, address=options.address), sensors
+    return CompassModule(firmware, address=address), sensors
 
 
 def build_host(options: SimulatorOptions, links: Link | Sequence[Link]) -> Host:
@@ -192,12 +210,9 @@ def build_host(options: SimulatorOptions, links: Link | Sequence[Link]) -> Host:
     """
     world = build_world(options)
     module, sensors = build_module(options, world)
-    drives = [
-        Drive(node_id, axis, serial=options.seed * 8 + node_id & 0xFFFFFFFF)
-        for node_id, axis in zip(AXIS_NODES, world.rig.axes, strict=True)
-    ]
     schedule = FaultSchedule([parse_fault(f) for f in options.faults], world, sensors, module)
-    return Host(world, [*drives, module], links, at_tick=schedule if options.faults else None)
+    at_tick = schedule if options.faults else None
+    return Host(world, [*build_drives(world, options.seed), module], links, at_tick=at_tick)
 
 
 def simulate(

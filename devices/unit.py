@@ -40,8 +40,8 @@ class ModuleUnit:
     ----------
     bridges : three BridgeParameters
         The x, y and z bridge.
-    bits : int
-        Resolution of the magnetometer's converter over +-800 mG.
+    bits, range_mg : int, float
+        Resolution of the magnetometer's converter over +-range_mg.
     noise_mg : float
         Standard deviation of one set or reset reading, before the converter.
     ambient_c, self_heating_c, heating_s : float
@@ -59,6 +59,7 @@ class ModuleUnit:
     accelerometer: Accelerometer
     strap: Strap = Strap()
     bits: int = 14
+    range_mg: float = RANGE_MG
     noise_mg: float = NOISE_MG
     ambient_c: float = 25.0
     self_heating_c: float = 0.4
@@ -69,7 +70,7 @@ class ModuleUnit:
     @property
     def mag_mg_per_count(self) -> float:
         """Scale of the magnetometer's counts, mG."""
-        return 2.0 * RANGE_MG / 2.0**self.bits
+        return 2.0 * self.range_mg / 2.0**self.bits
 
     @property
     def accel_g_per_count(self) -> float:

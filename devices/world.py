@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from devices.rotation import Matrix, Vector, apply_inverse
+from devices.rotation import Matrix, Vector, about_vertical, apply, apply_inverse
 
 if TYPE_CHECKING:
     from devices.field import EarthField
@@ -103,6 +103,9 @@ class World:
         Constant local addition to the site's field, from the rig's base and the building.
     stage_body_mg : (float, float, float)
         Stray field of the rig's inner stage, which turns with the seat.
+    vehicle_g : (float, float, float)
+        Acceleration of a vehicle that carries rig and module, along forward, right and down of
+        its levelled frame, which turns with the azimuth.
     """
 
     def __init__(
@@ -115,6 +118,7 @@ class World:
         forklift: Forklift | None = None,
         anomaly_ned_mg: Vector = (0.0, 0.0, 0.0),
         stage_body_mg: Vector = (0.0, 0.0, 0.0),
+        vehicle_g: Vector = (0.0, 0.0, 0.0),
     ) -> None:
         self.rig = rig
         self.earth = field
@@ -123,6 +127,7 @@ class World:
         self.forklift = forklift
         self.anomaly_ned_mg = anomaly_ned_mg
         self.stage_body_mg = stage_body_mg
+        self.vehicle_g = vehicle_g
         self._t_ns = 0
         self._next_drift_s = 0.0
         self._field_ned_mg: Vector = field.ned_mg
@@ -171,8 +176,8 @@ class World:
     def force_body_g(self) -> Vector:
         """Return the specific force in the seat's frame, g: (0, 0, -1) level at rest.
 
-        Accelerations of the motion are left out: the module sits in the axes' crossing,
-        and only settled poses are judged.
+        Accelerations of the rig's motion are left out: the module sits in the axes' crossing,
+        and only settled poses are judged. Those of a vehicle count.
         """
         if self._matrix is not self.rig.ned_from_body():
             self._turn()
@@ -197,5 +202,9 @@ class World:
         x, y, z = apply_inverse(matrix, self._field_ned_mg)
         stage = self.stage_body_mg
         self._field_body_mg = (x + stage[0], y + stage[1], z + stage[2])
-        self._force_body_g = (-matrix[6], -matrix[7], -matrix[8])
+        forward, right, down = self.vehicle_g
+        north_g, east_g, down_g = apply(
+            about_vertical(self.rig.azimuth.angle_deg), (forward, right, down - 1.0)
+        )
+        self._force_body_g = apply_inverse(matrix, (north_g, east_g, down_g))
         self._matrix = matrix

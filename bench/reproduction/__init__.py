@@ -1,0 +1,1 @@
+"""The four papers' own tables and figures, made again on the virtual bench."""
