@@ -17,7 +17,9 @@ class Cause(StrEnum):
 
     TOO_FEW = "too_few_samples"
     NO_TURN = "no_turn"
+    POSITIONS_NOT_SQUARE = "positions_not_square"
     NOT_OBSERVABLE = "not_observable"
+    BLIND_AZIMUTH = "blind_azimuth"
     TILT_TOO_SMALL = "tilt_too_small"
     DEGENERATE = "degenerate"
     NO_ACCELERATION = "no_acceleration"
@@ -46,6 +48,8 @@ class CalibrationData:
         Standard deviation of one row, each axis, that the weights assume.
     rig_sd_deg : float
         Standard deviation of each rig angle.
+    offset_mg : ndarray, shape (n, 3), or None
+        (set + reset)/2 of each row, None where the readings are no pairs.
     station_field_mg : ndarray, shape (3,), or None
         The station's field in NED of the *rig's* frame (north = rig zero), for comparison
         and as the start; methods that need a field strength take its norm.
@@ -59,6 +63,7 @@ class CalibrationData:
     field_sd_mg: float = 0.5
     accel_sd_g: float = 0.002
     rig_sd_deg: float = 0.02
+    offset_mg: NDArray[np.float64] | None = None
     station_field_mg: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
@@ -76,6 +81,10 @@ class Fit:
     ----------
     covariance : ndarray, shape (p, p), or None
         Covariance of the parameters in the order of `parameters`.
+    extended_dip_deg : float or None
+        Cho & Park's extended dip angle, of a fit for two axes: z is then not read but estimated
+        from the attitude, this angle and `extra["horizontal_mg"]`, and pitch and roll come from
+        the x and y force alone.
     residual_rms_mg : float
         RMS of the magnetometer's residual an axis.
     predicted_heading_rms_deg, predicted_heading_max_deg : float or None
@@ -95,6 +104,7 @@ class Fit:
     accel_matrix: NDArray[np.float64] | None = None
     field_mg: float | None = None
     dip_deg: float | None = None
+    extended_dip_deg: float | None = None
     parameters: tuple[str, ...] = ()
     covariance: NDArray[np.float64] | None = None
     residual_rms_mg: float | None = None
@@ -107,6 +117,11 @@ class Fit:
     predicted_heading_rms_deg: float | None = None
     predicted_heading_max_deg: float | None = None
     extra: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def two_axis(self) -> bool:
+        """Whether the heading takes x and y alone and estimates z."""
+        return self.extended_dip_deg is not None
 
     @property
     def refused(self) -> bool:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bench.calibration.accelerometer import fit_accelerometer
+from bench.calibration.compensation import compensated_heading_deg
 from bench.calibration.ellipsoid import fit_ellipsoid
 from bench.calibration.min_max import fit_min_max
-from bench.calibration.tilt import heading_deg, tilt_compensated_heading_deg
 from bench.calibration.truth_aided import fit_truth_aided
 from protocols.angles import wrap_180_deg
 
@@ -100,14 +100,11 @@ def computed_heading_deg(data: CalibrationData, fit: Fit | None) -> NDArray[np.f
     Tilt is taken from the (corrected) specific force, without one from the rig's pitch and
     roll, without those as level. A fit of None leaves the readings raw.
     """
-    field_mg = data.field_mg if fit is None else fit.corrected_mg(data.field_mg)
-    if data.accel_g is not None:
-        accel_g = data.accel_g if fit is None else fit.corrected_g(data.accel_g)
-        return tilt_compensated_heading_deg(field_mg, accel_g)
-    level = np.zeros(len(data))
-    pitch_deg = level if data.pitch_deg is None else data.pitch_deg
-    roll_deg = level if data.roll_deg is None else data.roll_deg
-    return heading_deg(field_mg, pitch_deg, roll_deg)
+    pitch_deg = 0.0 if data.pitch_deg is None else data.pitch_deg
+    roll_deg = 0.0 if data.roll_deg is None else data.roll_deg
+    return compensated_heading_deg(
+        fit, data.field_mg, data.accel_g, pitch_deg=pitch_deg, roll_deg=roll_deg
+    )
 
 
 def expected_heading_deg(data: CalibrationData) -> NDArray[np.float64]:

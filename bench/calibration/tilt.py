@@ -77,6 +77,31 @@ def attitude_deg(accel_g: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.fl
     return np.rad2deg(pitch_rad), np.rad2deg(roll_rad)
 
 
+def two_axis_attitude_deg(accel_g: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (pitch_deg, roll_deg), each shape (...), from the x and y force alone [1]_ (17).
+
+    pitch = arcsin(fx/g), roll = arcsin(-fy/(g cos(pitch))): the force must be gravity's alone
+    and the tilt below 90 deg. A force beyond 1 g reads as 90 deg.
+
+    Parameters
+    ----------
+    accel_g : array-like, shape (..., 2 or more)
+        Specific force in g; only x and y count.
+
+    Examples
+    --------
+    >>> pitch_deg, roll_deg = two_axis_attitude_deg([0.5, 0.0])
+    >>> round(float(pitch_deg), 9), abs(round(float(roll_deg), 9))
+    (30.0, 0.0)
+    """
+    force = np.asarray(accel_g, dtype=float)
+    sine = np.clip(force[..., 0], -1.0, 1.0)
+    across = np.sqrt(np.maximum(1.0 - sine**2, 1e-12))
+    pitch_rad = np.arcsin(sine)
+    roll_rad = np.arcsin(np.clip(-force[..., 1] / across, -1.0, 1.0))
+    return np.rad2deg(pitch_rad), np.rad2deg(roll_rad)
+
+
 def heading_deg(
     field_mg: ArrayLike, pitch_deg: ArrayLike, roll_deg: ArrayLike
 ) -> NDArray[np.float64]:
