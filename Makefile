@@ -14,7 +14,7 @@ unexport PYTHONPATH PYTHONHOME PIP_USER PIP_TARGET
 export PYTHONNOUSERSITE := 1
 
 .DELETE_ON_ERROR:
-.PHONY: run test lint types check vcan good-units benchmark lock generated compiled clean FORCE
+.PHONY: run test lint types check vcan good-units benchmark papers lock generated compiled clean FORCE
 
 run: $(VENV)/runtime.ok compiled
 	$(BIN)/compass-bench run eol_three_axis --serial SN0001 --out runs
@@ -41,6 +41,10 @@ good-units: $(VENV)/runtime.ok compiled
 benchmark: $(VENV)/dev.ok compiled
 	$(BIN)/python benchmarks/ticks.py
 	$(BIN)/python benchmarks/dashboard.py
+
+# The page of the reproduced papers.
+papers: $(VENV)/runtime.ok compiled
+	$(BIN)/compass-bench reproduce --out docs/papers
 
 # The locked sets hold for every Python from 3.11 on; they name hashes and no addresses.
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \

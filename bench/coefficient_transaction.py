@@ -10,8 +10,9 @@ import logging
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bench.errors import BenchError
+from bench.errors import BenchError, ConfigError
 from protocols import uds
+from protocols.errors import FrameError
 
 if TYPE_CHECKING:
     from bench.bus import BenchBus
@@ -54,12 +55,22 @@ class CoefficientTransaction:
     diagnostics : Diagnostics
     coefficients : Coefficients
         What is to be written.
+
+    Raises
+    ------
+    ConfigError
+        If no module can hold them; nothing is sent then.
     """
 
     def __init__(self, bus: BenchBus, diagnostics: Diagnostics, coefficients: Coefficients) -> None:
         self._bus = bus
         self._diagnostics = diagnostics
         self._bank = uds.pack_coefficients(coefficients)
+        try:
+            self._written = uds.unpack_coefficients(self._bank)
+        except FrameError as error:
+            message = f"coefficients must be sound to be written; instead: {error}"
+            raise ConfigError(message) from error
         self._before: Coefficients | None = None
         self._reset_begun = False
 
@@ -84,9 +95,7 @@ class CoefficientTransaction:
         except BenchError:
             self._undo()
             raise
-        outcome = CoefficientWrite(
-            before=before, written=uds.unpack_coefficients(self._bank), read_back=read_back
-        )
+        outcome = CoefficientWrite(before=before, written=self._written, read_back=read_back)
         if not outcome.read_back_equal:
             logger.warning("the module does not hold what was written; restoring the former")
             self._undo()

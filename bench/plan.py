@@ -13,13 +13,18 @@ from bench.steps.sweep import Sweep
 from bench.travel import RIG_PROFILE, SETTLE_S, azimuth_path_deg, require_reachable, travel_time_s
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from bench.calibration.coverage import Prediction
+    from bench.calibration.method_names import MethodName
     from bench.procedure import Procedure
     from bench.station import Station
     from bench.steps.step import PlannedPose, Step
 
+LEVEL_ONLY: Final[frozenset[MethodName]] = frozenset(
+    {"set_reset", "min_max", "four_position", "soft_iron", "three_headings"}
+)
+"""Methods whose prediction is for a level module: they calibrate neither z nor the tilt."""
 LOAD_LIMIT_PERCENT: Final = 70.0
 """Most load at worst-case stuffing that a procedure may start on."""
 SAMPLES_PER_S: Final = 100.0
@@ -174,12 +179,35 @@ def predictions(procedure: Procedure, station: Station) -> list[Prediction]:
     like = CalibrationData(
         field_mg=np.zeros((len(attitudes), 3)),
         accel_g=np.zeros((len(attitudes), 3)),
+        offset_mg=np.zeros((len(attitudes), 3)),
         station_field_mg=field_rig_mg(station),
     )
     methods = dict.fromkeys(
         name for step in procedure.walk() if isinstance(step, FitMethods) for name in step.methods
     )
     return [predict(attitudes, name, like) for name in methods]
+
+
+def require_observable(procedure: Procedure, predicted: Iterable[Prediction]) -> None:
+    """Check that perfect readings at the planned poses would be accepted where a fit is judged.
+
+    Raises
+    ------
+    ConfigError
+        If every judged method of a fit would refuse them, for instance at tilts whose azimuths
+        are all blind for the dip.
+    """
+    by_method = {prediction.method: prediction for prediction in predicted}
+    for step in procedure.walk():
+        if not isinstance(step, FitMethods) or not by_method:
+            continue
+        refused = [by_method[name] for name in step.judged if by_method[name].cause is not None]
+        if len(refused) == len(step.judged):
+            message = (
+                f"step {step.name}: poses must suffice for a judged method; instead "
+                f"{refused[0].method} would refuse them ({refused[0].cause}): {refused[0].message}"
+            )
+            raise ConfigError(message)
 
 
 def expected_load_percent(

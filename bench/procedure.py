@@ -8,6 +8,7 @@ from pydantic import Field, StringConstraints, model_validator
 
 from bench.steps.check_bus import CheckBus
 from bench.steps.collect import Collect
+from bench.steps.compare import Compare
 from bench.steps.fit import FitMethods
 from bench.steps.home import Home
 from bench.steps.identify import Identify
@@ -80,6 +81,7 @@ AnyStep = Annotated[
     | FitMethods
     | Write
     | Verify
+    | Compare
     | Returns
     | Collect
     | Wait
@@ -153,6 +155,16 @@ class Procedure(FileModel):
         return self
 
     @model_validator(mode="after")
+    def _what_is_compared_is_fitted(self) -> Self:
+        declared = list(self._declared(self.steps))
+        for place, step in enumerate(declared):
+            before = declared[:place]
+            if isinstance(step, Compare) and not any(isinstance(b, FitMethods) for b in before):
+                message = f"step {step.name} must come after a fit; there is none"
+                raise ValueError(message)
+        return self
+
+    @model_validator(mode="after")
     def _verification_poses_are_others(self) -> Self:
         declared = list(self._declared(self.steps))
         used = [
@@ -162,7 +174,7 @@ class Procedure(FileModel):
             for pose in step.poses()
         ]
         for step in declared:
-            for pose in step.poses() if isinstance(step, Verify) else ():
+            for pose in step.poses() if isinstance(step, Verify | Compare) else ():
                 if any(pose.attitude.is_at(other) for other in used):
                     at = pose.attitude
                     message = (
@@ -188,6 +200,12 @@ class Procedure(FileModel):
     def step_names(self) -> tuple[str, ...]:
         """Return the names under which the steps of a whole run stand in its record."""
         return tuple(_names_in_record(self.steps))
+
+    @property
+    def part(self) -> str | None:
+        """Part number that the identify step names, or None."""
+        parts = (step.part for step in self.walk() if isinstance(step, Identify))
+        return next((part for part in parts if part is not None), None)
 
     @property
     def uses_rig(self) -> bool:

@@ -8,34 +8,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from dashboards import entities
+from dashboards.method_views import methods_tab, z_view
+from dashboards.views import all_times, series, whole_run
 
 if TYPE_CHECKING:
     from dashboards.run_view import RunView
-
-
-def _whole_run() -> rrb.TimeAxis:
-    boundary = rrb.TimeRangeBoundary.infinite()
-    return rrb.TimeAxis(view_range=rr.TimeRange(start=boundary, end=boundary))
-
-
-def _all_times() -> list[rrb.VisibleTimeRange]:
-    boundary = rrb.TimeRangeBoundary.infinite()
-    return [rrb.VisibleTimeRange(name, start=boundary, end=boundary) for name in entities.TIMELINES]
-
-
-def _legend() -> rrb.PlotLegend:
-    return rrb.PlotLegend(rrb.Corner2D.LeftTop)
-
-
-def _series(name: str, origin: str, low: float, high: float, *contents: str) -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(
-        name=name,
-        origin=f"/{origin}",
-        contents=[f"+ /{origin}/{content}" for content in contents] or "$origin/**",
-        axis_x=_whole_run(),
-        axis_y=rrb.ScalarAxis(range=(low, high)),
-        plot_legend=_legend(),
-    )
 
 
 def _rig_column() -> rrb.Vertical:
@@ -69,23 +46,23 @@ def _rig_column() -> rrb.Vertical:
 
 def _time_column(error_span_deg: float, raw_span_deg: float) -> rrb.Vertical:
     return rrb.Vertical(
-        _series("Heading (°)", entities.HEADING, 0.0, 360.0),
-        _series(
+        series("Heading (°)", entities.HEADING, 0.0, 360.0),
+        series(
             "Heading error at settled poses (°)", entities.ERROR, -error_span_deg, error_span_deg
         ),
-        _series("Raw heading error (°)", entities.RAW_ERROR, -raw_span_deg, raw_span_deg),
+        series("Raw heading error (°)", entities.RAW_ERROR, -raw_span_deg, raw_span_deg),
         rrb.StateTimelineView(
-            name="Procedure", origin=f"/{entities.PROCEDURE}/step", time_view=_whole_run()
+            name="Procedure", origin=f"/{entities.PROCEDURE}/step", time_view=whole_run()
         ),
         rrb.Tabs(
             rrb.Horizontal(
-                _series("CAN frames/s", entities.CAN, 0.0, 1500.0, "rx_per_s", "tx_per_s"),
-                _series(
+                series("CAN frames/s", entities.CAN, 0.0, 1500.0, "rx_per_s", "tx_per_s"),
+                series(
                     "Bus load (%) and lost frames", entities.CAN, 0.0, 40.0, "load_percent", "lost"
                 ),
                 name="CAN traffic",
             ),
-            _series("Rig (°)", entities.RIG, -360.0, 360.0),
+            series("Rig (°)", entities.RIG, -360.0, 360.0),
             rrb.TextLogView(name="Log", origin=f"/{entities.PROCEDURE}/log"),
             active_tab=0,
         ),
@@ -93,9 +70,10 @@ def _time_column(error_span_deg: float, raw_span_deg: float) -> rrb.Vertical:
     )
 
 
-def _field_column(field_mg: float) -> rrb.Vertical:
-    reach = 2.0 * field_mg
-    flat = 1.1 * field_mg
+def _field_column(run: RunView) -> rrb.Vertical:
+    flat = 1.1 * run.field_mg
+    sphere = _sphere(2.0 * run.field_mg)
+    two_axis = run.fit is not None and run.fit.two_axis
     return rrb.Vertical(
         rrb.Spatial2DView(
             name="X-Y before / after (mG)",
@@ -103,21 +81,9 @@ def _field_column(field_mg: float) -> rrb.Vertical:
             contents=[f"+ /{entities.PLANE}/**"],
             background=list(entities.DARK),
             visual_bounds=rrb.VisualBounds2D(x_range=[-flat, flat], y_range=[-flat, flat]),
-            time_ranges=_all_times(),
+            time_ranges=all_times(),
         ),
-        rrb.Spatial3DView(
-            name="Ellipsoid to sphere (mG)",
-            origin=f"/{entities.SPACE}",
-            background=list(entities.DARK),
-            line_grid=rrb.LineGrid3D(visible=False),
-            time_ranges=_all_times(),
-            eye_controls=rrb.EyeControls3D(
-                kind=rrb.Eye3DKind.Orbital,
-                position=[0.9 * reach, -0.9 * reach, -0.2 * reach],
-                look_target=[0.0, 0.0, 0.0],
-                eye_up=[0, 0, -1],
-            ),
-        ),
+        rrb.Tabs(z_view(run), sphere, active_tab=0) if two_axis else sphere,
         rrb.BarChartView(
             name="Error per verification position, level (°)",
             origin=f"/{entities.ACCEPTANCE}/level_error_deg",
@@ -132,16 +98,35 @@ def _field_column(field_mg: float) -> rrb.Vertical:
     )
 
 
+def _sphere(reach: float) -> rrb.Spatial3DView:
+    return rrb.Spatial3DView(
+        name="Ellipsoid to sphere (mG)",
+        origin=f"/{entities.SPACE}",
+        background=list(entities.DARK),
+        line_grid=rrb.LineGrid3D(visible=False),
+        time_ranges=all_times(),
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=[0.9 * reach, -0.9 * reach, -0.2 * reach],
+            look_target=[0.0, 0.0, 0.0],
+            eye_up=[0, 0, -1],
+        ),
+    )
+
+
 def blueprint(run: RunView) -> rrb.Blueprint:
     """Return the layout; only its axis ranges come from the run."""
-    error_span_deg = 2.0 * max(run.high("level_max", 0.5), run.high("tilt_max", 0.5))
+    error_span_deg = 2.0 * max(run.limit_deg("level", 0.5), run.limit_deg("tilt", 0.5))
+    measured = rrb.Horizontal(
+        _rig_column(),
+        _time_column(error_span_deg, run.raw_error_span_deg),
+        _field_column(run),
+        column_shares=[3, 4, 3],
+        name="Run",
+    )
+    methods = methods_tab(run)
     return rrb.Blueprint(
-        rrb.Horizontal(
-            _rig_column(),
-            _time_column(error_span_deg, run.raw_error_span_deg),
-            _field_column(run.field_mg),
-            column_shares=[3, 4, 3],
-        ),
+        measured if methods is None else rrb.Tabs(measured, methods, active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=entities.SIM_TIME, play_state="following"),

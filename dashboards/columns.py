@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import rerun as rr
@@ -34,6 +34,23 @@ class Times:
         ]
 
 
+def dwell_times(rows: NDArray[np.void], ticks: dict[int, int]) -> list[rr.TimeColumn]:
+    """Return the index columns of readings, each at the last tick of its position.
+
+    Parameters
+    ----------
+    rows : ndarray of READING, shape (n,)
+    ticks : dict
+        Last tick of each position.
+    """
+    t_ns = np.round(rows["t_s"] * 1e9).astype("timedelta64[ns]")
+    return [
+        rr.TimeColumn(entities.SIM_TIME, duration=t_ns),
+        rr.TimeColumn(entities.TICK, sequence=[ticks[int(p)] for p in rows["position"]]),
+        rr.TimeColumn(entities.POSITION, sequence=rows["position"].astype(np.int64)),
+    ]
+
+
 def send_scalars(
     recording: rr.RecordingStream,
     path: str,
@@ -62,7 +79,8 @@ def style_points(
     name: str,
     colour: Colour | Sequence[Colour],
     size: float,
+    marker: Literal["circle", "diamond"] = "circle",
 ) -> None:
     """Draw a series as points."""
-    style = rr.SeriesPoints(names=name, colors=colour, markers="circle", marker_sizes=size)
+    style = rr.SeriesPoints(names=name, colors=colour, markers=marker, marker_sizes=size)
     recording.log(path, style, static=True)

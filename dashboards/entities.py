@@ -31,6 +31,10 @@ RAW_ERROR: Final = "raw_heading_error_deg"
 FIELD: Final = "magnetometer_mg"
 PLANE: Final = "magnetometer_mg/xy"
 SPACE: Final = "magnetometer_mg/xyz"
+METHODS: Final = "methods"
+Z_ESTIMATED: Final = "field/z_estimated"
+Z_MEASURED: Final = "field/z_measured"
+Z_DIFFERENCE: Final = "field/z_difference"
 RIG: Final = "rig"
 PROCEDURE: Final = "procedure"
 CAN: Final = "can"
@@ -60,3 +64,17 @@ STEP_COLOURS: Final = (
     0x7F8C8DFF,
     0x27AE60FF,
 )
+
+METHOD_COLOURS: Final[dict[str, Colour]] = {
+    "raw": RED,
+    "set_reset": (240, 128, 180),
+    "min_max": (230, 126, 34),
+    "four_position": AMBER,
+    "soft_iron": (220, 200, 120),
+    "three_headings": (26, 188, 156),
+    "ellipsoid": BLUE,
+    "accelerometer": GREY,
+    "two_axis": VIOLET,
+    "two_axis_aided": (200, 150, 220),
+    "truth_aided": GREEN,
+}

@@ -12,7 +12,8 @@ from dashboards import entities
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from dashboards.run_view import Coefficients, RunView
+    from bench.calibration.fit import Fit
+    from dashboards.run_view import RunView
 
 _CIRCLE_POINTS: Final = 121
 
@@ -33,9 +34,8 @@ def log_shapes(recording: rr.RecordingStream, run: RunView) -> None:
         ),
         static=True,
     )
-    coefficients = run.coefficients
-    if coefficients is not None:
-        _log_fit(recording, coefficients, horizontal_mg, vertical_mg)
+    if run.fit is not None:
+        _log_fit(recording, run.fit, horizontal_mg, vertical_mg)
 
 
 def _log_plane(recording: rr.RecordingStream, reach_mg: float, horizontal_mg: float) -> None:
@@ -65,7 +65,7 @@ def _log_plane(recording: rr.RecordingStream, reach_mg: float, horizontal_mg: fl
 
 def _log_fit(
     recording: rr.RecordingStream,
-    coefficients: Coefficients,
+    fit: Fit,
     horizontal_mg: float,
     vertical_mg: float,
 ) -> None:
@@ -78,7 +78,8 @@ def _log_fit(
         ],
         axis=1,
     )
-    raw = level @ np.linalg.inv(coefficients.matrix).T + coefficients.offset_mg
+    assert fit.matrix is not None and fit.offset_mg is not None  # noqa: S101, PT018
+    raw = level @ np.linalg.inv(fit.matrix).T + fit.offset_mg
     for name, points, colour in (
         ("raw_fit", raw, (*entities.RED, 150)),
         ("compensated_fit", level, (*entities.GREEN, 190)),
@@ -90,7 +91,7 @@ def _log_fit(
     recording.log(
         f"{entities.SPACE}/hard_iron",
         rr.Arrows3D(
-            vectors=[coefficients.offset_mg],
+            vectors=[fit.offset_mg],
             colors=[entities.AMBER],
             radii=6.0,
             labels=["hard iron and offset"],

@@ -16,6 +16,7 @@ from bench.samples import MOVING, READING, readings_of
 from dashboards import entities
 from dashboards.blueprint import blueprint
 from dashboards.ground import log_shapes
+from dashboards.methods import log_methods, log_z_estimate
 from dashboards.run_view import RunView
 from dashboards.scene import log_scene
 from dashboards.signals import (
@@ -72,16 +73,19 @@ def write_recording(path: Path, record: dict[str, Any] | None = None) -> None:
 
 def _log_run(recording: rr.RecordingStream, run: RunView) -> None:
     log_scene(recording, run.field_ned_mg)
-    log_styles(recording, calibrated=run.coefficients is not None)
+    log_styles(recording, calibrated=run.fit is not None)
     log_shapes(recording, run)
     tracker = _DwellTracker()
     for block in run.blocks():
         log_block(recording, block, tracker.positions(block.samples))
     ends = tracker.ends()
     if ends is not None:
-        limit_deg = run.high("level_max", run.high("tilt_max", 0.5))
+        limit_deg = run.limit_deg("level", run.limit_deg("tilt", 0.5))
         log_limit_band(recording, ends, limit_deg)
-        log_dwell_errors(recording, run, tracker.dwells(), tracker.ticks)
+        dwells = tracker.dwells()
+        log_dwell_errors(recording, run, dwells, tracker.ticks)
+        log_methods(recording, run, dwells, tracker.ticks)
+        log_z_estimate(recording, run, dwells, tracker.ticks)
         _log_procedure(recording, run)
         log_traffic(recording, run.record, ends)
     _log_texts(recording, run.record)

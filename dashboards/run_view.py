@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench.calibration.tilt import tilt_compensated_heading_deg
+from bench.calibration.ranking import RAW
+from bench.calibration.tilt import two_axis_attitude_deg
+from bench.calibration.two_axis import estimated_z_mg
+from bench.record.recorded_fits import judged_method, recorded_fits
 from bench.sample_file import iterate_samples
 from bench.samples import COMPLETE, MOVING
 from protocols.angles import wrap_180_deg, wrap_360_deg
@@ -20,24 +23,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Coefficients:
-    """Coefficients that the dashboard applies to raw samples."""
-
-    method: str
-    offset_mg: NDArray[np.float64]
-    matrix: NDArray[np.float64]
-    accel_offset_g: NDArray[np.float64]
-    accel_matrix: NDArray[np.float64]
-
-    def field_mg(self, raw_mg: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the compensated field, shape (n, 3)."""
-        return (raw_mg - self.offset_mg) @ self.matrix.T
-
-    def force_g(self, raw_g: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the compensated specific force, shape (n, 3)."""
-        return (raw_g - self.accel_offset_g) @ self.accel_matrix.T
+    from bench.calibration.fit import Fit
+    from bench.record.recorded_fits import RecordedFits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,6 +42,11 @@ class Block:
     def settled(self) -> NDArray[np.bool_]:
         """Samples of a dwell."""
         return np.asarray(self.samples["position"] != MOVING)
+
+    @property
+    def with_rig(self) -> bool:
+        """Whether a rig held the module; a recording has none, and its heading no truth."""
+        return bool(np.isfinite(self.reference_deg).all())
 
     def error_deg(self, heading_deg: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return heading minus the rig's magnetic heading in (-180, 180]."""
@@ -103,74 +95,93 @@ class RunView:
         """Strength of the station's field, 500 mG where the record has none."""
         return float(np.linalg.norm(self.field_ned_mg)) or 500.0
 
-    def high(self, name: str, default: float) -> float:
-        """Return the upper limit of a measurement."""
+    def limit_deg(self, kind: str, default: float) -> float:
+        """Return the limit of the heading error of verified poses, `kind` "level" or "tilt"."""
+        names = (f"{kind}_max", f"achieved_{kind}_max")
         for measurement in self.record.get("measurements", []):
-            if measurement["name"] == name and measurement.get("high") is not None:
+            if measurement["name"] in names and measurement.get("high") is not None:
                 return float(measurement["high"])
         return default
+
+    def heading_errors_deg(
+        self, heading_deg: NDArray[np.float64], rows: NDArray[np.void]
+    ) -> NDArray[np.float64]:
+        """Return heading minus the rig's magnetic heading, shape (n,), in (-180, 180]."""
+        return wrap_180_deg(heading_deg - (rows["rig_azimuth_deg"] - self.field_azimuth_deg))
 
     @cached_property
     def raw_error_span_deg(self) -> float:
         """Half-range of the raw error's axis, rounded up to 10 degrees."""
-        largest = max((self._largest_raw_error_deg(block) for block in self.blocks()), default=10.0)
-        return float(min(180.0, 10.0 * np.ceil(1.05 * largest / 10.0)))
-
-    @staticmethod
-    def _largest_raw_error_deg(block: Block) -> float:
-        error_deg = block.error_deg(block.raw_deg)[block.settled]
-        return float(np.abs(error_deg).max(initial=0.0))
+        largest_deg = 0.0
+        for samples in self._samples():
+            settled = samples[samples["position"] != MOVING]
+            heading_deg = self.fits.heading_deg(RAW, _raw_mg(settled), settled)
+            error_deg = self.heading_errors_deg(heading_deg, settled)
+            largest_deg = max(largest_deg, float(np.abs(error_deg).max(initial=0.0)))
+        return float(min(180.0, 10.0 * np.ceil(1.05 * (largest_deg or 10.0) / 10.0)))
 
     @cached_property
-    def coefficients(self) -> Coefficients | None:
-        """Coefficients of the best fit that was not refused: the one written, else the first."""
-        usable = [fit for fit in self.record.get("fits", []) if fit.get("cause") is None]
-        written = (self.record.get("coefficients") or {}).get("method")
-        order = [written, *self.record.get("ranking", []), *[fit["method"] for fit in usable]]
-        for method in order:
-            for fit in usable:
-                if fit["method"] == method:
-                    return _coefficients(fit)
-        return None
+    def fits(self) -> RecordedFits:
+        """Fits of the record that have coefficients."""
+        return recorded_fits(self.record)
+
+    @cached_property
+    def fit(self) -> Fit | None:
+        """Return the fit that is drawn: the one judged, else the best that was not refused."""
+        judged = judged_method(self.record)
+        usable = self.fits.by_method
+        return usable.get(judged or "") or next(iter(usable.values()), None)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the complete samples of the run in order, some thousands at a time."""
+        for samples in self._samples():
+            yield self._block(samples)
+
+    def _samples(self) -> Iterator[NDArray[np.void]]:
         path = self.folder / "samples.parquet"
         if not path.exists():
             return
         for samples in iterate_samples(path):
             complete = samples[samples["complete"] == COMPLETE]
             if len(complete):
-                yield self._block(complete)
+                yield complete
 
     def _block(self, samples: NDArray[np.void]) -> Block:
-        raw_mg = (samples["set_mg"] - samples["reset_mg"]) / 2.0
-        coefficients = self.coefficients
-        compensated_mg = None if coefficients is None else coefficients.field_mg(raw_mg)
-        compensated_deg = None
-        if coefficients is not None and compensated_mg is not None:
-            force_g = coefficients.force_g(samples["accel_g"])
-            compensated_deg = tilt_compensated_heading_deg(compensated_mg, force_g)
+        raw_mg = _raw_mg(samples)
+        compensated_mg = compensated_deg = None
+        if self.fit is not None:
+            compensated_mg = compensated_field_mg(self.fit, raw_mg, samples["accel_g"])
+            compensated_deg = self.fits.heading_deg(self.fit.method, raw_mg, samples)
         return Block(
             samples=samples,
             raw_mg=raw_mg,
             compensated_mg=compensated_mg,
             reference_deg=wrap_360_deg(samples["rig_azimuth_deg"] - self.field_azimuth_deg),
-            raw_deg=tilt_compensated_heading_deg(raw_mg, samples["accel_g"]),
+            raw_deg=self.fits.heading_deg(RAW, raw_mg, samples),
             compensated_deg=compensated_deg,
         )
 
 
-def _coefficients(fit: dict[str, Any]) -> Coefficients:
-    identity = np.eye(3)
-    accel_matrix = fit.get("accel_matrix")
-    accel_offset_g = fit.get("accel_offset_g")
-    return Coefficients(
-        method=fit["method"],
-        offset_mg=np.asarray(fit["offset_mg"], dtype=float),
-        matrix=np.asarray(fit["matrix"], dtype=float).reshape(3, 3),
-        accel_offset_g=np.zeros(3) if accel_offset_g is None else np.asarray(accel_offset_g, float),
-        accel_matrix=identity
-        if accel_matrix is None
-        else np.asarray(accel_matrix, float).reshape(3, 3),
-    )
+def _raw_mg(samples: NDArray[np.void]) -> NDArray[np.float64]:
+    return np.asarray((samples["set_mg"] - samples["reset_mg"]) / 2.0)
+
+
+def compensated_field_mg(
+    fit: Fit, field_mg: NDArray[np.float64], accel_g: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the field, shape (n, 3), that a fit makes of raw readings; of two axes z is estimated.
+
+    Parameters
+    ----------
+    field_mg, accel_g : ndarray, shape (n, 3)
+        Raw field and raw specific force.
+    """
+    corrected_mg = fit.corrected_mg(field_mg)
+    if fit.extended_dip_deg is not None:
+        corrected_mg[:, 2] = estimated_z_mg(
+            corrected_mg,
+            *two_axis_attitude_deg(fit.corrected_g(accel_g)),
+            horizontal_mg=fit.extra["horizontal_mg"],
+            dip_deg=fit.extended_dip_deg,
+        )
+    return corrected_mg

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import rerun as rr
 
+from bench.acceptance.site import is_level
+from bench.record.recorded_fits import VERIFIED_KINDS, step_positions
 from dashboards import entities, scene
-from dashboards.columns import Times, send_scalars, style_line, style_points
-from protocols.angles import wrap_180_deg, wrap_360_deg
+from dashboards.columns import Times, dwell_times, send_scalars, style_line, style_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 RIG_STEP: Final = 5
 """The 3-D rig moves at every fifth tick, the tracks have a point at every tenth."""
 TRACK_STEP: Final = 10
-LEVEL_DEG: Final = 1.0
-"""Up to this tilt a pose counts as level."""
 _AXES: Final = ["x", "y", "z"]
 _RGB: Final = [entities.RED, entities.GREEN, entities.BLUE]
 
@@ -61,18 +60,20 @@ def log_block(recording: rr.RecordingStream, block: Block, position: NDArray[np.
     """Log one block of samples; `position` has the last dwell's number while moving."""
     times = Times(block.samples, position)
     _log_headings(recording, block, times)
-    _log_errors(recording, block, times)
     send_scalars(recording, f"{entities.FIELD}/raw", times.columns(), block.raw_mg)
-    for name in ("azimuth", "pitch", "roll"):
-        angle_deg = block.samples[f"rig_{name}_deg"]
-        send_scalars(recording, f"{entities.RIG}/{name}_deg", times.columns(), angle_deg)
-    _log_rig(recording, block, times)
+    if block.with_rig:
+        _log_errors(recording, block, times)
+        for name in ("azimuth", "pitch", "roll"):
+            angle_deg = block.samples[f"rig_{name}_deg"]
+            send_scalars(recording, f"{entities.RIG}/{name}_deg", times.columns(), angle_deg)
+        _log_turns(recording, block, times)
+    _log_arrows(recording, block, times)
     _log_tracks(recording, block, times)
 
 
 def _log_headings(recording: rr.RecordingStream, block: Block, times: Times) -> None:
-    series = [("reference", block.reference_deg), ("raw", block.raw_deg)]
-    series.append(("module", block.samples["heading_deg"]))
+    series = [("reference", block.reference_deg)] if block.with_rig else []
+    series += [("raw", block.raw_deg), ("module", block.samples["heading_deg"])]
     if block.compensated_deg is not None:
         series.append(("compensated", block.compensated_deg))
     for name, heading_deg in series:
@@ -93,7 +94,7 @@ def _log_errors(recording: rr.RecordingStream, block: Block, times: Times) -> No
         send_scalars(recording, f"{entities.ERROR}/samples", columns, error)
 
 
-def _log_rig(recording: rr.RecordingStream, block: Block, times: Times) -> None:
+def _log_turns(recording: rr.RecordingStream, block: Block, times: Times) -> None:
     every = slice(None, None, RIG_STEP)
     columns = times.columns(every)
     samples = block.samples[every]
@@ -107,6 +108,11 @@ def _log_rig(recording: rr.RecordingStream, block: Block, times: Times) -> None:
         recording.send_columns(
             path, indexes=columns, columns=rr.Transform3D.columns(quaternion=quaternion)
         )
+
+
+def _log_arrows(recording: rr.RecordingStream, block: Block, times: Times) -> None:
+    every = slice(None, None, RIG_STEP)
+    columns = times.columns(every)
     arrows = [(entities.MODULE_FIELD, block.raw_mg)]
     if block.compensated_mg is not None:
         arrows.append((entities.MODULE_FIELD_CORRECTED, block.compensated_mg))
@@ -118,8 +124,7 @@ def _log_rig(recording: rr.RecordingStream, block: Block, times: Times) -> None:
 def _log_tracks(recording: rr.RecordingStream, block: Block, times: Times) -> None:
     chosen = np.zeros(len(block.samples), dtype=bool)
     chosen[::TRACK_STEP] = True
-    level = chosen & (np.abs(block.samples["rig_pitch_deg"]) < 1.0)
-    level &= np.abs(block.samples["rig_roll_deg"]) < 1.0
+    level = chosen & is_level(block.samples)
     clouds = [("raw", block.raw_mg)]
     if block.compensated_mg is not None:
         clouds.append(("compensated", block.compensated_mg))
@@ -162,29 +167,21 @@ def log_dwell_errors(
     ticks : dict
         Last tick of each position.
     """
-    reference_deg = wrap_360_deg(dwells["rig_azimuth_deg"] - run.field_azimuth_deg)
-    error_deg = wrap_180_deg(dwells["heading_deg"] - reference_deg)
-    verifying = verification_positions(run.record)
-    tilted = np.hypot(dwells["rig_pitch_deg"], dwells["rig_roll_deg"]) > LEVEL_DEG
-    judged = np.isin(dwells["position"], verifying)
+    error_deg = run.heading_errors_deg(_judged_heading_deg(run, dwells), dwells)
+    level = is_level(dwells)
+    judged = np.isin(dwells["position"], step_positions(run.record, VERIFIED_KINDS))
     for kind, chosen, colour in (
-        ("level", judged & ~tilted, entities.WHITE),
-        ("tilt", judged & tilted, entities.BLUE),
+        ("level", judged & level, entities.WHITE),
+        ("tilt", judged & ~level, entities.BLUE),
     ):
         if not chosen.any():
             continue
         rows = dwells[chosen]
-        columns = [
-            rr.TimeColumn(
-                entities.SIM_TIME, duration=np.round(rows["t_s"] * 1e9).astype("timedelta64[ns]")
-            ),
-            rr.TimeColumn(entities.TICK, sequence=[ticks[int(p)] for p in rows["position"]]),
-            rr.TimeColumn(entities.POSITION, sequence=rows["position"].astype(np.int64)),
-        ]
+        columns = dwell_times(rows, ticks)
         path = f"{entities.ERROR}/verified_{kind}"
         style_points(recording, path, f"verified, {kind}", colour, 3.5)
         send_scalars(recording, path, columns, error_deg[chosen])
-        limit_deg = run.high(f"{kind}_max", np.inf)
+        limit_deg = run.limit_deg(kind, np.inf)
         bar_colour = (
             entities.GREEN if np.abs(error_deg[chosen]).max() <= limit_deg else entities.RED
         )
@@ -197,9 +194,11 @@ def log_dwell_errors(
         )
 
 
-def verification_positions(record: dict[str, Any]) -> list[int]:
-    """Return the positions that steps of kind ``verify`` visited in their last attempt."""
-    names = {step["name"] for step in record.get("steps", []) if step.get("kind") == "verify"}
-    poses = [pose for pose in record.get("poses", []) if pose["step"] in names]
-    last = max((pose.get("attempt", 1) for pose in poses), default=1)
-    return [int(pose["position"]) for pose in poses if pose.get("attempt", 1) == last]
+def _judged_heading_deg(run: RunView, dwells: NDArray[np.void]) -> NDArray[np.float64]:
+    """Return the module's own heading, and where a step compared without a write the fit's."""
+    heading_deg = np.array(dwells["heading_deg"], dtype=float)
+    compared = np.isin(dwells["position"], step_positions(run.record, ("compare",)))
+    if run.fit is not None and compared.any():
+        rows = dwells[compared]
+        heading_deg[compared] = run.fits.heading_deg(run.fit.method, rows["field_mg"], rows)
+    return heading_deg

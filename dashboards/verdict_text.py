@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from bench.record.method_study import ORDER_REASON, method_rows, order_rows
+
 _MARKS: Final = {
     "PASS": "pass",
     "MARGINAL": "**marginal**",
@@ -59,32 +61,52 @@ def verdict_markdown(record: dict[str, Any]) -> str:
 
 
 def methods_markdown(record: dict[str, Any]) -> str:
-    """Return every method's heading error on the verification poses, best first."""
-    fits = {fit["method"]: fit for fit in record.get("fits", [])}
-    order = [m for m in record.get("ranking", []) if m in fits]
-    order += [m for m in fits if m not in order]
+    """Return raw and every method by its heading error on the verification poses, best first."""
     lines = [
-        "# Methods on the same samples",
+        "# Methods on the same readings",
         "",
-        "| method | level max (°) | level rms | tilt max | tilt rms | predicted | residual (mG) |",
-        "|---|---:|---:|---:|---:|---:|---:|",
+        "| method | level max (°) | level rms | tilt max | tilt rms | predicted | residual (mG) "
+        "| tilt from |",
+        "|---|---:|---:|---:|---:|---:|---:|---|",
     ]
-    for method in order:
-        fit = fits[method]
-        if fit.get("cause"):
-            lines.append(f"| {method} | refused: {fit['cause']} | | | | | |")
+    for row in method_rows(record):
+        name = f"**{row.name}**, written" if row.written else row.name
+        if row.cause:
+            lines.append(f"| {name} | refused: {row.cause} | | | | | | |")
             continue
-        achieved = fit.get("achieved") or {}
         cells = [
-            achieved.get("level_max_deg"),
-            achieved.get("level_rms_deg"),
-            achieved.get("tilt_max_deg"),
-            achieved.get("tilt_rms_deg"),
-            fit.get("predicted_heading_rms_deg"),
-            fit.get("residual_rms_mg"),
+            row.level_max_deg,
+            row.level_rms_deg,
+            row.tilt_max_deg,
+            row.tilt_rms_deg,
+            row.predicted_rms_deg,
+            row.residual_mg,
         ]
-        lines.append(f"| {method} | " + " | ".join(_number(cell) for cell in cells) + " |")
-    return "\n".join(lines)
+        numbers = " | ".join(_number(cell) for cell in cells)
+        lines.append(f"| {name} | {numbers} | {row.tilt_from} |")
+    return "\n".join([*lines, *_orders(record)])
+
+
+def _orders(record: dict[str, Any]) -> list[str]:
+    """Return what the order of compensation costs: level / tilted maximum of each method."""
+    rows = order_rows(record)
+    if not rows:
+        return []
+    names = [effect.name.replace(" iron", "") for effect in rows[0].effects]
+    lines = [
+        "",
+        "## Order of compensation",
+        "",
+        "Largest error, level / tilted (°), by what is taken out in which order: hard iron, soft "
+        f"iron, tilt. {ORDER_REASON}",
+        "",
+        "| method | " + " | ".join(names) + " |",
+        "|---|" + "---:|" * len(names),
+    ]
+    for row in rows:
+        cells = [f"{_number(e.level_max_deg)} / {_number(e.tilt_max_deg)}" for e in row.effects]
+        lines.append(f"| {row.name} | " + " | ".join(cells) + " |")
+    return lines
 
 
 def deviation_markdown(record: dict[str, Any]) -> str:

@@ -5,7 +5,7 @@ offset 0    magic "CBNVM01\0"
        8    marker A    sequence u32 | active u8 | staged u8 | boots u16 | CRC-32
       20    marker B    the same; the valid one with the higher sequence counts
       32    bank 0      protocols.uds.pack_coefficients, with its own CRC-32
-     136    bank 1
+     144    bank 1
 ```
 A write never touches the bank or the marker in use: it fills the other bank, or the other
 marker. So an image of which only a part was written still holds the old coefficients or

@@ -45,7 +45,7 @@ class DiagnosticServices:
     def __init__(self, firmware: Firmware) -> None:
         self._firmware = firmware
         self._readers: dict[int, Callable[[], bytes]] = {
-            uds.DID_PART_NUMBER: firmware.PART_NUMBER.encode,
+            uds.DID_PART_NUMBER: firmware.part.encode,
             uds.DID_SERIAL: lambda: firmware.serial.encode("ascii"),
             uds.DID_HARDWARE_VERSION: firmware.HARDWARE_VERSION.encode,
             uds.DID_FIRMWARE_VERSION: firmware.FIRMWARE_VERSION.encode,

@@ -2,7 +2,8 @@
 
 Heading as in Cho & Park (21): level the field with the attitude that the accelerometer
 shows, then atan2. Written from the paper and apart from the bench's own computation, which
-uses double precision and another form; each checks the other.
+uses double precision and another form; each checks the other. The module with two axes has
+a formula of its own in `devices.two_axis`.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 import numpy as np
 
+from devices.two_axis import TwoAxisFormula, completed
 from protocols import compass, uds
+from protocols.errors import FrameError
 
 if TYPE_CHECKING:
     from devices.coefficient_store import CoefficientStore
@@ -125,6 +128,8 @@ class Firmware:
         Scales of the counts that `sensors` gives.
     replay : ReplaySensors, optional
         Given when `sensors` is a recording: its flags go into the status frame.
+    part : str
+        Part number: whether the heading takes three axes or two.
 
     Attributes
     ----------
@@ -134,7 +139,6 @@ class Firmware:
         DTCs present; they survive a reset of the module, not a power cycle.
     """
 
-    PART_NUMBER: Final = "CB-AMR3"
     HARDWARE_VERSION: Final = "1.0"
     FIRMWARE_VERSION: Final = "1.0.0"
 
@@ -147,8 +151,11 @@ class Firmware:
         *,
         converters: Converters | None = None,
         replay: ReplaySensors | None = None,
+        part: str = compass.PART_THREE_AXIS,
     ) -> None:
         self.serial = serial
+        self.part = part
+        self.two_axis = part == compass.PART_TWO_AXIS
         self.sensors = sensors
         self.store = store
         self.rng = rng
@@ -175,10 +182,10 @@ class Firmware:
         self.saturated = False
         self.last_cycle: Cycle | None = None
         self._buffered: bytes | None = None
-        self._quality = (
-            compass.QUALITY_CALIBRATED if store.calibrated else compass.QUALITY_UNCALIBRATED
-        )
-        self._formula = HeadingFormula(store.active, self.converters)
+        whole = store.calibrated and self.two_axis == (store.active.horizontal_mg > 0.0)
+        self._quality = compass.QUALITY_CALIBRATED if whole else compass.QUALITY_UNCALIBRATED
+        formula = TwoAxisFormula if self.two_axis else HeadingFormula
+        self._solve = formula(store.active, self.converters).solve
 
     @property
     def flags(self) -> int:
@@ -188,6 +195,8 @@ class Firmware:
             flags |= compass.FLAG_SATURATED
         if not self.store.calibrated:
             flags |= compass.FLAG_DEFAULT_COEFFICIENTS
+        if self.two_axis:
+            flags |= compass.FLAG_TWO_AXIS
         return flags
 
     def cycle(self, t_s: float) -> Cycle | None:
@@ -196,6 +205,8 @@ class Firmware:
         if readings is None:
             return None
         set_counts, reset_counts, accel_counts = readings
+        if self.two_axis:
+            accel_counts = completed(accel_counts, self.converters.accel_g_per_count)
         sx, sy, sz = set_counts
         rx, ry, rz = reset_counts
         limit = self.converters.mag_count_limit
@@ -206,7 +217,7 @@ class Firmware:
         if self._replay is not None and self._replay.flags & compass.FLAG_NO_ACCELERATION:
             force = self._level
         quality = self._quality
-        solution = self._formula.solve((sx - rx, sy - ry, sz - rz), force)
+        solution = self._solve((sx - rx, sy - ry, sz - rz), force)
         if saturated:
             self.trouble_codes.add(uds.DTC_SATURATED)
         if solution is None or saturated:
@@ -217,9 +228,18 @@ class Firmware:
         return cycle
 
     def stage(self, bank: bytes) -> None:
-        """Write a bank beside the one in use; see `CoefficientStore.stage`."""
+        """Write a bank beside the one in use; see `CoefficientStore.stage`.
+
+        Raises
+        ------
+        FrameError
+            If the bank is not sound, or is for two axes where the module has three.
+        """
+        coefficients = uds.unpack_coefficients(bank)
+        if coefficients.horizontal_mg and not self.two_axis:
+            sentence = f"{self.part} has three axes; the coefficient bank is for two"
+            raise FrameError(sentence)
         if self.lost_write and self.rng.random() < self.lost_write:
-            uds.unpack_coefficients(bank)
             self._buffered = bank
             return
         self._buffered = None

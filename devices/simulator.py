@@ -23,6 +23,7 @@ from devices.unit import draw_unit, unit_stream
 from devices.world import SlowDrift, World
 from protocols.canopen import AXIS_NODES
 from protocols.clock import MonotonicClock
+from protocols.compass import PART_THREE_AXIS, PARTS
 from protocols.j1939 import MODULE_ADDRESS
 from protocols.sync import TICK_NS
 
@@ -55,6 +56,8 @@ class SimulatorOptions:
         Serial number of the module in the seat, 1 to 32 printable ASCII characters.
     seed : int
         Seed of the rig, the unit and every noise.
+    part : str
+        Part number of the module: CB-AMR3 has three axes, CB-AMR2 two.
     faults : tuple of str
         NAME[=strength][@tick] from `devices.faults`.
     nvm : Path, optional
@@ -76,6 +79,7 @@ class SimulatorOptions:
 
     serial: str = "SN0001"
     seed: int = 1
+    part: str = PART_THREE_AXIS
     faults: tuple[str, ...] = ()
     nvm: Path | None = None
     replay: Path | None = None
@@ -98,6 +102,9 @@ class SimulatorOptions:
             raise ValueError(message)
         if self.seed < 0:
             message = f"seed must be at least 0; instead received {self.seed}"
+            raise ValueError(message)
+        if self.part not in PARTS:
+            message = f"part must be {' or '.join(PARTS)}; instead received {self.part!r}"
             raise ValueError(message)
         for specification in self.faults:
             fault = parse_fault(specification).fault
@@ -168,9 +175,17 @@ def build_module(
     if options.replay is not None:
         rng = unit_stream(serial, seed, _FIRMWARE)
         replay = ReplaySensors(options.replay)
-        firmware = Firmware(serial, replay, store, rng, converters=replay.converters, replay=replay)
+        firmware = Firmware(
+            serial,
+            replay,
+            store,
+            rng,
+            converters=replay.converters,
+            replay=replay,
+            part=options.part,
+        )
         return CompassModule(firmware, address=options.address), replay
-    unit = draw_unit(serial, seed, site=world.earth)
+    unit = draw_unit(serial, seed, site=world.earth, part=options.part)
     return module_of(unit, world, store, options.address)
 
 
@@ -194,7 +209,7 @@ def module_of(
         mag_count_limit=2 ** (unit.bits - 1) - 1,
     )
     rng = unit_stream(serial, seed, _FIRMWARE)
-    firmware = Firmware(serial, sensors, store, rng, converters=converters)
+    firmware = Firmware(serial, sensors, store, rng, converters=converters, part=unit.part)
     return CompassModule(firmware, address=address), sensors
 
 

@@ -59,6 +59,15 @@ FLAG_DEFAULT_COEFFICIENTS: Final = 0x04
 FLAG_REPLAY_ENDED: Final = 0x08
 FLAG_NO_ACCELERATION: Final = 0x10
 """The module has no accelerometer readings to send (a replayed recording without them)."""
+FLAG_TWO_AXIS: Final = 0x20
+"""The heading takes x and y alone: z of the field is measured only to check the estimate, and
+z of the acceleration is not measured but completed as -sqrt(1 g^2 - ax^2 - ay^2)."""
+
+PART_THREE_AXIS: Final = "CB-AMR3"
+PART_TWO_AXIS: Final = "CB-AMR2"
+"""Two magnetometers and two accelerometers make the heading (Cho & Park 2005, Fig. 3)."""
+PARTS: Final = (PART_THREE_AXIS, PART_TWO_AXIS)
+"""Part numbers of the modules that there are."""
 
 QUALITY_UNUSABLE: Final = 0
 QUALITY_UNCALIBRATED: Final = 1

@@ -28,6 +28,7 @@ _FLAGS: Final = {
     "DefaultCoefficients": compass.FLAG_DEFAULT_COEFFICIENTS,
     "ReplayEnded": compass.FLAG_REPLAY_ENDED,
     "NoAcceleration": compass.FLAG_NO_ACCELERATION,
+    "TwoAxis": compass.FLAG_TWO_AXIS,
 }
 _ABSENT: Final = {0xFFFF: "not available"}
 

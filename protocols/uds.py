@@ -84,6 +84,14 @@ class Coefficients:
     corrected specific force (g) = accel_matrix @ (raw (g) - accel_offset_g)
 
     The raw field is (set - reset)/2. Matrices are row-major.
+
+    Attributes
+    ----------
+    extended_dip_deg : float
+        Cho & Park's extended dip angle, within (-90, 90); 0 where the module has three axes.
+    horizontal_mg : float
+        Horizontal field in which a module of two axes was normalised; 0 where it was not, and
+        where the module has three axes. The field downwards is horizontal_mg tan(dip).
     """
 
     version: int
@@ -91,9 +99,11 @@ class Coefficients:
     mag_matrix: tuple[float, ...]
     accel_offset_g: tuple[float, ...]
     accel_matrix: tuple[float, ...]
+    extended_dip_deg: float = 0.0
+    horizontal_mg: float = 0.0
 
 
-_BANK = struct.Struct("<H2x24f")
+_BANK = struct.Struct("<H2x26f")
 BANK_LENGTH: Final = _BANK.size + 4
 
 DEFAULT_COEFFICIENTS: Final = Coefficients(
@@ -106,13 +116,15 @@ DEFAULT_COEFFICIENTS: Final = Coefficients(
 
 
 def pack_coefficients(coefficients: Coefficients) -> bytes:
-    """Return version, 24 float32 and CRC-32 (little-endian)."""
+    """Return version, 26 float32 and CRC-32 (little-endian)."""
     body = _BANK.pack(
         coefficients.version,
         *coefficients.mag_offset_mg,
         *coefficients.mag_matrix,
         *coefficients.accel_offset_g,
         *coefficients.accel_matrix,
+        coefficients.extended_dip_deg,
+        coefficients.horizontal_mg,
     )
     return body + zlib.crc32(body).to_bytes(4, "little")
 
@@ -123,7 +135,8 @@ def unpack_coefficients(data: bytes) -> Coefficients:
     Raises
     ------
     FrameError
-        If the length or the CRC-32 is wrong, or a value is not a finite number.
+        If the length or the CRC-32 is wrong, a value is not a finite number, the dip is not
+        within (-90, 90), the horizontal field is negative, or there is a dip without it.
     """
     if len(data) != BANK_LENGTH:
         sentence = f"coefficient bank must be {BANK_LENGTH} bytes; instead received {len(data)}"
@@ -136,13 +149,31 @@ def unpack_coefficients(data: bytes) -> Coefficients:
     if not all(map(math.isfinite, values)):
         sentence = "coefficient bank must hold finite numbers; instead it holds NaN or infinity"
         raise FrameError(sentence)
+    _check_dip(*values[24:])
     return Coefficients(
         version=version,
         mag_offset_mg=tuple(values[0:3]),
         mag_matrix=tuple(values[3:12]),
         accel_offset_g=tuple(values[12:15]),
         accel_matrix=tuple(values[15:24]),
+        extended_dip_deg=values[24],
+        horizontal_mg=values[25],
     )
+
+
+def _check_dip(extended_dip_deg: float, horizontal_mg: float) -> None:
+    if not -90.0 < extended_dip_deg < 90.0:
+        sentence = (
+            "extended dip of a coefficient bank must be within (-90, 90) deg; "
+            f"instead received {extended_dip_deg} deg"
+        )
+        raise FrameError(sentence)
+    if horizontal_mg < 0.0 or (horizontal_mg == 0.0 and extended_dip_deg != 0.0):
+        sentence = (
+            "horizontal field of a coefficient bank must be positive, or 0 with a dip of 0; "
+            f"instead received {horizontal_mg} mG with {extended_dip_deg} deg"
+        )
+        raise FrameError(sentence)
 
 
 _SCALES = struct.Struct("<dd")

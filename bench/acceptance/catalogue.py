@@ -65,6 +65,24 @@ MEASUREMENTS: Final[dict[str, MeasurementKind]] = {
     "level_rms": MeasurementKind("deg", "RMS heading error of the module, level"),
     "tilt_max": MeasurementKind("deg", "Largest heading error of the module, tilted"),
     "tilt_rms": MeasurementKind("deg", "RMS heading error of the module, tilted"),
+    "achieved_level_max": MeasurementKind(
+        "deg", "Largest heading error of the judged method, computed by the bench, level"
+    ),
+    "achieved_level_rms": MeasurementKind(
+        "deg", "RMS heading error of the judged method, computed by the bench, level"
+    ),
+    "achieved_tilt_max": MeasurementKind(
+        "deg", "Largest heading error of the judged method, computed by the bench, tilted"
+    ),
+    "achieved_tilt_rms": MeasurementKind(
+        "deg", "RMS heading error of the judged method, computed by the bench, tilted"
+    ),
+    "behind_best": MeasurementKind(
+        "deg", "Largest heading error of the judged method less that of the best method"
+    ),
+    "z_estimate_difference": MeasurementKind(
+        "mG", "RMS of the estimated z against the checking axis, two-axis module"
+    ),
     "repeatability": MeasurementKind("deg", "Pooled standard deviation of returns to a heading"),
     "closing_error": MeasurementKind("deg", "Shift between earlier and later returns"),
     "bench_against_module": MeasurementKind(

@@ -27,7 +27,8 @@ def evaluate_fit(step: str, fit: Fit, site: SiteField) -> list[Measurement]:
       gain is held against the station's field, so the strength itself says nothing here; it
       is judged on other poses (`evaluate_field_strength`).
     - field_azimuth_difference, dip_difference (deg): fit against the station's record,
-      absolute. A difference is the rig's or the field's fault.
+      absolute. A difference is the rig's or the field's fault; of a fit for two axes it is that
+      of the extended dip, which also takes up what x and y see of z.
     """
     if fit.refused:
         note = f"{fit.method}: {fit.cause}: {fit.message}"
@@ -80,7 +81,8 @@ def _azimuth_difference_deg(fit: Fit, site: SiteField) -> float | None:
 
 
 def _dip_difference_deg(fit: Fit, site: SiteField) -> float | None:
-    return None if fit.dip_deg is None else abs(fit.dip_deg - site.dip_deg)
+    dip_deg = fit.extended_dip_deg if fit.two_axis else fit.dip_deg
+    return None if dip_deg is None else abs(dip_deg - site.dip_deg)
 
 
 def _sensitivity_percent(fit: Fit, site: SiteField) -> float | None:

@@ -13,7 +13,8 @@ import numpy as np
 
 from bench.acceptance.measurement import Measurement
 from bench.acceptance.site import heading_error_deg, is_level, total_field_mg
-from bench.calibration.tilt import tilt_compensated_heading_deg
+from bench.acceptance.two_axis_evaluation import fit_of, horizontal_mg
+from bench.calibration.compensation import compensated_heading_deg
 from bench.samples import COMPLETE, MOVING
 from protocols.angles import wrap_180_deg
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from bench.acceptance.site import SiteField
-    from bench.calibration.fit import Fit
     from bench.pose import Pose
     from protocols.uds import Coefficients
 
@@ -51,16 +51,23 @@ def evaluate_verification(
     found: list[Measurement] = []
     for name, mask in (("level", level), ("tilt", ~level)):
         if mask.any():
-            found += _error_measurements(name, step, error_deg[mask], readings[mask])
+            found += error_measurements(name, step, error_deg[mask], readings[mask])
     return [*found, *evaluate_agreement(step, samples, coefficients)]
 
 
-def _error_measurements(
-    name: str, step: str, error_deg: NDArray[np.float64], readings: NDArray[np.void]
+def error_measurements(
+    name: str,
+    step: str,
+    error_deg: NDArray[np.float64],
+    readings: NDArray[np.void],
+    *,
+    note: str = "",
 ) -> list[Measurement]:
+    """Return `name`_max and `name`_rms, deg, of heading errors, shape (n,), at poses."""
     worst = int(np.argmax(np.abs(error_deg)))
     position = int(readings["position"][worst])
-    note = f"{error_deg[worst]:+.3f} deg at position {position}"
+    where = f"{error_deg[worst]:+.3f} deg at position {position}"
+    note = f"{where}; {note}" if note else where
     maximum_deg = float(abs(error_deg[worst]))
     rms_deg = float(np.sqrt(np.mean(error_deg**2)))
     return [
@@ -76,7 +83,7 @@ def evaluate_raw_heading(
     level = readings[is_level(readings)]
     if not len(level):
         return []
-    heading_deg = tilt_compensated_heading_deg(level["field_mg"], level["accel_g"])
+    heading_deg = compensated_heading_deg(None, level["field_mg"], level["accel_g"])
     error_deg = heading_error_deg(heading_deg, level, site)
     value_deg = float(np.max(np.abs(error_deg)))
     return [Measurement(name="raw_max", value=value_deg, step=step, unit="deg")]
@@ -88,11 +95,19 @@ def evaluate_field_strength(
     """Return field_magnitude_difference: mean corrected strength against the station's, in %.
 
     The calibration holds the gain against the station's field; on other poses and later the
-    strength differs from it where the field has changed or the calibration is wrong.
+    strength differs from it where the field has changed or the calibration is wrong. Of a module
+    with two axes it is the horizontal strength: its vertical field is a coefficient.
     """
-    strength_mg = np.linalg.norm(_corrected_mg(readings["field_mg"], coefficients), axis=1)
-    percent = 100.0 * abs(float(np.mean(strength_mg)) / total_field_mg(site) - 1.0)
-    return [Measurement(name="field_magnitude_difference", value=percent, step=step, unit="%")]
+    if coefficients.horizontal_mg > 0.0:
+        strength_mg, station_mg = horizontal_mg(readings, coefficients), site.horizontal_mg
+        note = "horizontal strength"
+    else:
+        corrected_mg = fit_of(coefficients).corrected_mg(readings["field_mg"])
+        strength_mg, station_mg = np.linalg.norm(corrected_mg, axis=1), total_field_mg(site)
+        note = ""
+    percent = 100.0 * abs(float(np.mean(strength_mg)) / station_mg - 1.0)
+    name = "field_magnitude_difference"
+    return [Measurement(name=name, value=percent, step=step, unit="%", note=note)]
 
 
 def evaluate_agreement(
@@ -123,15 +138,7 @@ def evaluate_agreement(
 def bench_heading_deg(samples: NDArray[np.void], coefficients: Coefficients) -> NDArray[np.float64]:
     """Return the bench's own heading, shape (n,), of samples of set and reset readings."""
     field_mg = (samples["set_mg"] - samples["reset_mg"]) / 2.0
-    accel_matrix = np.reshape(coefficients.accel_matrix, (3, 3))
-    corrected_mg = _corrected_mg(field_mg, coefficients)
-    corrected_g = (samples["accel_g"] - np.array(coefficients.accel_offset_g)) @ accel_matrix.T
-    return np.asarray(tilt_compensated_heading_deg(corrected_mg, corrected_g), dtype=float)
-
-
-def _corrected_mg(field_mg: NDArray[np.float64], coefficients: Coefficients) -> NDArray[np.float64]:
-    matrix = np.reshape(coefficients.mag_matrix, (3, 3))
-    return np.asarray((field_mg - np.array(coefficients.mag_offset_mg)) @ matrix.T, dtype=float)
+    return compensated_heading_deg(fit_of(coefficients), field_mg, samples["accel_g"])
 
 
 def evaluate_returns(
@@ -189,37 +196,3 @@ def evaluate_temperature(
     means_c = [float(np.mean(r["temperature_c"])) for r in (fit_readings, verification_readings)]
     change_c = abs(means_c[1] - means_c[0])
     return [Measurement(name="temperature_change", value=change_c, step=step, unit="deg C")]
-
-
-def achieved_heading(fit: Fit, readings: NDArray[np.void], site: SiteField) -> dict[str, float]:
-    """Return {level,tilt}_{rms,max}_deg of a fit's coefficients on verification poses.
-
-    Every method is applied to the same raw readings by the bench; a refused fit, or poses of
-    one kind that are missing, leave the entries out.
-    """
-    if fit.refused or fit.matrix is None or not len(readings):
-        return {}
-    field_mg = fit.corrected_mg(readings["field_mg"])
-    heading_deg = tilt_compensated_heading_deg(field_mg, fit.corrected_g(readings["accel_g"]))
-    error_deg = heading_error_deg(heading_deg, readings, site)
-    level = is_level(readings)
-    achieved: dict[str, float] = {}
-    for name, mask in (("level", level), ("tilt", ~level)):
-        if mask.any():
-            achieved[f"{name}_rms_deg"] = float(np.sqrt(np.mean(error_deg[mask] ** 2)))
-            achieved[f"{name}_max_deg"] = float(np.max(np.abs(error_deg[mask])))
-    return achieved
-
-
-def ranking(achieved: dict[str, dict[str, float]]) -> list[str]:
-    """Return the methods from best to worst by the worse of their level and tilted maximum.
-
-    Methods without an achieved error (refused) come last, in the order given.
-    """
-
-    def badness(method: str) -> float:
-        of_method = achieved[method]
-        maxima = [of_method[k] for k in ("level_max_deg", "tilt_max_deg") if k in of_method]
-        return max(maxima, default=float("inf"))
-
-    return sorted(achieved, key=badness)

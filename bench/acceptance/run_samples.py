@@ -15,6 +15,12 @@ from bench.acceptance.heading_evaluation import (
     evaluate_temperature,
     evaluate_verification,
 )
+from bench.acceptance.method_comparison import (
+    achieved_by,
+    evaluate_comparison,
+    evaluate_rank,
+    study_of,
+)
 from bench.acceptance.sensor_evaluation import (
     evaluate_noise,
     evaluate_peaks,
@@ -23,6 +29,7 @@ from bench.acceptance.sensor_evaluation import (
     evaluate_sweep,
 )
 from bench.acceptance.site import calibration_data, recording_data
+from bench.acceptance.two_axis_evaluation import evaluate_z_estimate
 from bench.errors import ConfigError
 from bench.record.entries import coefficients_of, pose_of
 from bench.record.swing import site_of
@@ -64,6 +71,8 @@ class RunSamples:
         self._samples = read_samples(path)
         self._readings = readings_of(self._samples)
         self._poses = [pose_of(entry) for entry in record["poses"]]
+        self._fits: dict[str, Fit] = {}
+        self._judged: Fit | None = None
 
     def measurements(self) -> dict[tuple[str, str, int], Measurement]:
         """Return what the samples give, by (step, name, attempt)."""
@@ -92,7 +101,11 @@ class RunSamples:
             return evaluate_peaks(step, readings)
         if kind == "returns":
             return evaluate_returns(step, readings, self._poses, self._site)
-        return self._verify(step, readings) if kind == "verify" else []
+        if kind == "compare":
+            return self._compare(step, readings) + self._rank(step, readings)
+        if kind == "verify":
+            return self._verify(step, readings) + self._rank(step, readings)
+        return []
 
     def _set_reset(self, step: str, readings: NDArray[np.void]) -> list[Measurement]:
         found = evaluate_peaks(step, readings)
@@ -110,17 +123,34 @@ class RunSamples:
         ]
         if not noted:
             return []
+        data = self._calibration_data()
+        methods = dict.fromkeys([*(entry["method"] for entry in self._record["fits"]), noted[0]])
         try:
-            fit: Fit = fit_named(noted[0], self._calibration_data())
+            self._fits = {name: fit_named(name, data) for name in methods}
         except ValueError as error:
             message = f"record cannot be judged again in step {step}: {error}"
             raise ConfigError(message) from error
+        fit = self._fits[noted[0]]
+        if not fit.refused:
+            self._judged = fit
         return evaluate_fit(step, fit, self._site)
+
+    def _compare(self, step: str, readings: NDArray[np.void]) -> list[Measurement]:
+        if self._judged is None:
+            return []
+        return evaluate_comparison(step, self._judged.method, self._fits, readings, self._site)
+
+    def _rank(self, step: str, readings: NDArray[np.void]) -> list[Measurement]:
+        if self._judged is None:
+            return []
+        compared = study_of(self._fits, readings, self._site)
+        return evaluate_rank(step, self._judged.method, achieved_by(self._fits, compared))
 
     def _calibration_data(self) -> CalibrationData:
         readings = self._readings_at(self._calibration_positions())
         if len(readings):
-            return calibration_data(readings, self._site)
+            paired = not self._record["module"].get("synthesised")
+            return calibration_data(readings, self._site, paired=paired)
         return recording_data(self._samples)
 
     def _verify(self, step: str, readings: NDArray[np.void]) -> list[Measurement]:
@@ -134,6 +164,8 @@ class RunSamples:
         found = evaluate_verification(step, readings, samples, coefficients, self._site)
         if written:
             found += evaluate_field_strength(step, readings, coefficients, self._site)
+        if coefficients.horizontal_mg > 0.0:
+            found += evaluate_z_estimate(step, readings, coefficients)
         before = self._readings_at(self._calibration_positions())
         if len(before):
             found += evaluate_temperature(step, before, readings)

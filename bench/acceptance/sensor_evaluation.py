@@ -12,6 +12,7 @@ import numpy as np
 
 from bench.acceptance.measurement import Measurement
 from bench.acceptance.site import expected_field_mg, expected_force_g
+from bench.calibration.set_reset import SMALLEST, set_reset_batch
 from protocols.angles import wrap_180_deg
 
 if TYPE_CHECKING:
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from bench.pose import Pose
 
 AXES: Final = ("x", "y", "z")
-NEIGHBOUR: Final = (1, 0, 0)
-"""Axis whose field enters the cross-axis term of x, y and z."""
 EXCITED_MG: Final = 50.0
 """Smallest change of the station's field on an axis that a set/reset check can use."""
 HK_CEILING_G: Final = 100.0
@@ -66,7 +65,7 @@ def evaluate_set_reset(step: str, readings: NDArray[np.void], site: SiteField) -
       of the station's field on the axis; a strap that does not flip the film gives none.
     - set_reset_symmetry (%): difference of the slopes of set and of reset readings over the
       field on the axis, over their mean.
-    - bridge_offset (mG) and hk (G), see `pair_offset`.
+    - bridge_offset (mG) and hk (G), see `pair_offsets`.
 
     They come kind by kind, so that a dead strap is seen in its own axis's amplitude before
     it is seen in a neighbour's Hk. Axes on which the station's field changes by less than
@@ -80,8 +79,9 @@ def evaluate_set_reset(step: str, readings: NDArray[np.void], site: SiteField) -
         "bridge_offset": [],
         "hk": [],
     }
+    pairs = pair_offsets(readings)
     for index, axis in enumerate(AXES):
-        pair = pair_offset(readings, index)
+        pair = pairs[index]
         if expected_ptp_mg[index] >= EXCITED_MG:
             amplitude = 100.0 * float(swing_mg[index] / expected_ptp_mg[index])
             symmetry = pair.asymmetry_percent if amplitude > 5.0 else WHOLLY_ASYMMETRIC
@@ -106,28 +106,28 @@ class PairOffset:
     asymmetry_percent: float | None
 
 
-def pair_offset(readings: NDArray[np.void], index: int) -> PairOffset:
-    """Return bridge offset, Hk and set/reset asymmetry of one axis.
+def pair_offsets(readings: NDArray[np.void]) -> tuple[PairOffset, ...]:
+    """Return bridge offset, Hk and set/reset asymmetry of x, y and z.
 
-    To first order in H/Hk the bridge V = S Hy/(1 + Hx/Hk) makes
-
-        (set + reset)/2 = offset - H_own H_neighbour/Hk + a H_own
-
-    where a is half the difference of the set and reset sensitivities. The middle term is
-    several mG in the Earth's field: a plain mean, or the swings of set and reset compared
-    as they are, take it for an offset and for an asymmetry (Caruso (5)-(7), which leave it
-    out). Hk is None where the product of the fields changes by less than 5000 mG^2.
+    Half the sum of the pairs holds the cross-axis term, several mG in the Earth's field, and
+    the asymmetry: `calibration.set_reset` takes them apart (Caruso (5)-(7) leave them out).
+    Hk and asymmetry are None where the poses do not excite them; a larger Hk than 100 G is
+    reported as that.
     """
-    offset_mg = readings["offset_mg"][:, index]
-    own_mg = readings["field_mg"][:, index]
-    product = own_mg * readings["field_mg"][:, NEIGHBOUR[index]]
-    if len(readings) < 4 or float(np.ptp(product)) < 5000.0:
-        return PairOffset(float(np.mean(offset_mg)), None, None)
-    columns = np.column_stack([np.ones(len(product)), product / 1.0e4, own_mg / 1.0e2])
-    solution = np.linalg.lstsq(columns, offset_mg, rcond=None)[0]
-    slope_per_mg = max(abs(float(solution[1])) / 1.0e4, 1.0 / (HK_CEILING_G * 1000.0))
-    asymmetry_percent = min(100.0 * 2.0 * abs(float(solution[2])) / 1.0e2, WHOLLY_ASYMMETRIC)
-    return PairOffset(float(solution[0]), 1.0e-3 / slope_per_mg, asymmetry_percent)
+    if len(readings) < SMALLEST:
+        means_mg = readings["offset_mg"].mean(axis=0)
+        return tuple(PairOffset(float(mean_mg), None, None) for mean_mg in means_mg)
+    fits = set_reset_batch(readings["field_mg"], readings["offset_mg"])
+    slope_per_g = np.maximum(np.abs(fits.cross_per_mg) * 1000.0, 1.0 / HK_CEILING_G)
+    asymmetry_percent = np.minimum(200.0 * np.abs(fits.asymmetry), WHOLLY_ASYMMETRIC)
+    return tuple(
+        PairOffset(
+            float(fits.bridge_offset_mg[axis]),
+            1.0 / float(slope_per_g[axis]) if fits.cross_fitted[axis] else None,
+            float(asymmetry_percent[axis]) if fits.gain_fitted[axis] else None,
+        )
+        for axis in range(len(AXES))
+    )
 
 
 def evaluate_senses(

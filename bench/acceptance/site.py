@@ -11,7 +11,7 @@ from bench.calibration.fit import CalibrationData
 from bench.calibration.tilt import ned_from_body
 from bench.samples import MOVING
 from protocols.angles import wrap_180_deg, wrap_360_deg
-from protocols.compass import FLAG_NO_ACCELERATION, FLAG_REPLAY_ENDED
+from protocols.compass import FLAG_NO_ACCELERATION, FLAG_REPLAY_ENDED, FLAG_SYNTHESISED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -107,9 +107,11 @@ def calibration_data(
     accel_sd_g: float = 0.0004,
     rig_sd_deg: float = 0.02,
     with_acceleration: bool = True,
+    paired: bool = True,
 ) -> CalibrationData:
     """Return what the fits take, from one READING a pose.
 
+    `paired` is False where set and reset readings were made from one recorded value.
     The run's fit step and `judge` both call it, so that they fit the same numbers.
     Defaults: 0.32 mG repeatability of a pose and the mean of 50 noise samples; 2 mg over the
     root of 50 samples and 0.3 mg of wander of the accelerometer; 0.02 deg of encoder error.
@@ -125,6 +127,7 @@ def calibration_data(
         field_sd_mg=field_sd_mg,
         accel_sd_g=accel_sd_g,
         rig_sd_deg=rig_sd_deg,
+        offset_mg=np.array(readings["offset_mg"], dtype=float) if paired else None,
         station_field_mg=field_rig_mg(site),
     )
 
@@ -133,14 +136,17 @@ def recording_data(samples: NDArray[np.void]) -> CalibrationData:
     """Return what the fits take from the samples of a recording without a rig, one row a sample.
 
     Rows without set and reset reading, outside the dwell, or after the recording's end are
-    left out; so is the acceleration where the module flags that it has none.
+    left out; so is the acceleration where the module flags that it has none, and the offset
+    of the pairs where it flags that they were made from one recorded value.
     """
     paired = samples["complete"] & 0b0011 == 0b0011
     ended = samples["flags"] & FLAG_REPLAY_ENDED != 0
     rows = samples[paired & ~ended & (samples["position"] != MOVING)]
     missing = np.any(rows["flags"] & FLAG_NO_ACCELERATION != 0)
     accelerated = not missing and bool(np.isfinite(rows["accel_g"]).all())
+    synthesised = np.any(rows["flags"] & FLAG_SYNTHESISED != 0)
     return CalibrationData(
         field_mg=np.array((rows["set_mg"] - rows["reset_mg"]) / 2.0),
         accel_g=np.array(rows["accel_g"]) if accelerated else None,
+        offset_mg=None if synthesised else np.array((rows["set_mg"] + rows["reset_mg"]) / 2.0),
     )

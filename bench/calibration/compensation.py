@@ -70,14 +70,15 @@ def compensated_heading_deg(
     Raises
     ------
     ValueError
-        If the fit was refused.
+        If the fit was refused, or there is no such order.
     """
+    order = Order(order)
     if accel_g is not None:
         pitch_deg, roll_deg = _attitude_deg(fit, tilt, accel_g)
     if fit is None:
         return heading_deg(field_mg, pitch_deg, roll_deg)
     if fit.extended_dip_deg is not None:
-        return _two_axis_heading_deg(fit, field_mg, pitch_deg, roll_deg)
+        return _two_axis_heading_deg(fit, fit.extended_dip_deg, field_mg, pitch_deg, roll_deg)
     if order is Order.TILT_FIRST:
         level = fit.corrected_mg(_levelled(field_mg, pitch_deg, roll_deg))
         return wrap_360_deg(np.rad2deg(np.arctan2(-level[..., 1], level[..., 0])))
@@ -102,16 +103,19 @@ def _attitude_deg(
 
 
 def _two_axis_heading_deg(
-    fit: Fit, field_mg: NDArray[np.float64], pitch_deg: ArrayLike, roll_deg: ArrayLike
+    fit: Fit,
+    dip_deg: float,
+    field_mg: NDArray[np.float64],
+    pitch_deg: ArrayLike,
+    roll_deg: ArrayLike,
 ) -> NDArray[np.float64]:
-    assert fit.extended_dip_deg is not None  # noqa: S101
     corrected = fit.corrected_mg(field_mg)
     corrected[..., 2] = estimated_z_mg(
         corrected,
         pitch_deg,
         roll_deg,
         horizontal_mg=fit.extra["horizontal_mg"],
-        dip_deg=fit.extended_dip_deg,
+        dip_deg=dip_deg,
     )
     return heading_deg(corrected, pitch_deg, roll_deg)
 

@@ -18,13 +18,14 @@ References
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bench.calibration.deviation_words import SENTENCES, error_words
 from bench.calibration.fit import Cause
+from bench.calibration.level_kernel import largest_azimuth_gap_deg
 from protocols.angles import wrap_180_deg
 
 if TYPE_CHECKING:
@@ -32,16 +33,24 @@ if TYPE_CHECKING:
 
 SMALLEST: Final = 8
 NAMES: Final = ("A", "B", "C", "D", "E")
+LARGEST_GAP_DEG: Final = 90.0
+"""Largest gap between neighbouring headings."""
+CAUSES: Final[tuple[Cause | None, ...]] = (
+    None,
+    Cause.TOO_FEW,
+    Cause.NO_TURN,
+    Cause.HARD_IRON_TOO_LARGE,
+    Cause.NOT_CONVERGED,
+)
+"""What the numbers in `DeviationBatch.cause` mean."""
 ITERATIONS: Final = 20
+HALVINGS: Final = 12
+RIDGE: Final = 1e-13
+"""Share of the trace that keeps the equations of a unit that is refused anyway soluble."""
+CONVERGED_RAD: Final = 1e-7
+"""Largest last step; what is left of it is far below any standard error."""
 LARGEST_HARD_IRON: Final = 1.0
 """B^2 + C^2 from which the horizontal field vanishes at some heading."""
-SPOKEN_DEG: Final = 0.1
-_MEANINGS: Final = (
-    ("A", "constant error (lubber line, mounting azimuth or declination)"),
-    ("BC", "hard iron, one cycle per turn"),
-    ("DE", "soft iron or unequal gains, two cycles per turn"),
-    ("34", "third and fourth harmonics: non-linearity or cross-axis effect of the sensor"),
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +79,43 @@ class Deviation:
     words: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DeviationBatch:
+    """Coefficients of deviation of units; units are the leading axes (...). 0 where refused.
+
+    Attributes
+    ----------
+    coefficients_deg, sd_deg : ndarray, shape (..., 5)
+        A to E and their standard errors, from the scatter of the residual.
+    residual_rms_deg, third_deg, fourth_deg : ndarray, shape (...)
+        As in `Deviation`.
+    cause : ndarray of int8, shape (...)
+        Index into `CAUSES`, 0 where accepted.
+    """
+
+    coefficients_deg: NDArray[np.float64]
+    sd_deg: NDArray[np.float64]
+    residual_rms_deg: NDArray[np.float64]
+    third_deg: NDArray[np.float64]
+    fourth_deg: NDArray[np.float64]
+    cause: NDArray[np.int8]
+
+    def unit(self, index: tuple[int, ...] = ()) -> Deviation:
+        """Return the deviation of one unit, with its words."""
+        cause = CAUSES[int(self.cause[index])]
+        coefficients = tuple(float(value) for value in self.coefficients_deg[index])
+        harmonics = [float(self.third_deg[index]), float(self.fourth_deg[index])]
+        return Deviation(
+            coefficients_deg=coefficients,
+            sd_deg=tuple(float(value) for value in self.sd_deg[index]),
+            residual_rms_deg=float(self.residual_rms_deg[index]),
+            third_deg=harmonics[0],
+            fourth_deg=harmonics[1],
+            cause=cause,
+            words=error_words(coefficients, harmonics) if cause is None else (SENTENCES[cause],),
+        )
+
+
 def linear_deviation(compass_deg: ArrayLike, magnetic_deg: ArrayLike) -> Deviation:
     """Fit deviation = A + B sin z + C cos z + D sin 2z + E cos 2z, for small deviations [1]_.
 
@@ -83,12 +129,14 @@ def linear_deviation(compass_deg: ArrayLike, magnetic_deg: ArrayLike) -> Deviati
     ValueError
         If shapes differ, or a value is not finite.
     """
-    magnetic_rad, deviation_rad = _checked(compass_deg, magnetic_deg)
-    if _sparse(magnetic_rad):
-        return _refused(Cause.TOO_FEW, _TOO_FEW)
-    columns = _series(magnetic_rad)
-    solution = np.asarray(np.linalg.lstsq(columns, deviation_rad, rcond=None)[0], dtype=float)
-    return _deviation(magnetic_rad, solution, deviation_rad - columns @ solution, columns)
+    magnetic_rad, deviation_rad = _one_unit(compass_deg, magnetic_deg)
+    if magnetic_rad.shape[-1] < SMALLEST:
+        return _none_of(()).unit()
+    cause = _gap_cause(magnetic_rad)
+    columns, _ = _parts(magnetic_rad)
+    solution = _steps(columns, deviation_rad)
+    residual = deviation_rad - columns @ solution
+    return _batch(magnetic_rad, solution, residual, columns, cause).unit()
 
 
 def exact_deviation(compass_deg: ArrayLike, magnetic_deg: ArrayLike) -> Deviation:
@@ -102,8 +150,8 @@ def exact_deviation(compass_deg: ArrayLike, magnetic_deg: ArrayLike) -> Deviatio
     Returns
     -------
     Deviation
-        Refused with HARD_IRON_TOO_LARGE at B^2 + C^2 >= 1, TOO_FEW below 8 headings or with
-        a gap over 90 deg.
+        Refused with HARD_IRON_TOO_LARGE at B^2 + C^2 >= 1, TOO_FEW below 8 headings, NO_TURN with
+        a gap over 90 deg, NOT_CONVERGED.
 
     Raises
     ------
@@ -120,27 +168,51 @@ def exact_deviation(compass_deg: ArrayLike, magnetic_deg: ArrayLike) -> Deviatio
     >>> deviation.words[0]
     'hard iron, one cycle per turn: 14.42 deg'
     """
+    _one_unit(compass_deg, magnetic_deg)
+    return exact_deviation_batch(compass_deg, magnetic_deg).unit()
+
+
+def exact_deviation_batch(compass_deg: ArrayLike, magnetic_deg: ArrayLike) -> DeviationBatch:
+    """Fit the exact form to the swings of many units at once, without a loop over them.
+
+    Gauss-Newton from the form's linear solution; a step that does not lessen the sum of squares is
+    halved, so that the sum never grows.
+
+    Parameters
+    ----------
+    compass_deg : array-like, shape (..., n)
+        Headings read, level.
+    magnetic_deg : array-like, broadcast to (..., n)
+        True magnetic headings.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not match, or a value is not finite.
+
+    Examples
+    --------
+    >>> magnetic = np.arange(0.0, 360.0, 15.0)
+    >>> swings = magnetic - np.array([[1.0], [2.0], [3.0]])  # three units
+    >>> exact_deviation_batch(swings, magnetic).coefficients_deg[:, 0].round(2).tolist()
+    [1.0, 2.0, 3.0]
+    """
     magnetic_rad, deviation_rad = _checked(compass_deg, magnetic_deg)
-    if _sparse(magnetic_rad):
-        return _refused(Cause.TOO_FEW, _TOO_FEW)
-    turned = magnetic_rad - deviation_rad
-    twice = 2.0 * magnetic_rad - deviation_rad
-    columns = np.column_stack(
-        [np.cos(deviation_rad), np.sin(turned), np.cos(turned), np.sin(twice), np.cos(twice)]
+    if magnetic_rad.shape[-1] < SMALLEST:
+        return _none_of(magnetic_rad.shape[:-1])
+    cause = _gap_cause(magnetic_rad)
+    turned, twice = magnetic_rad - deviation_rad, 2.0 * magnetic_rad - deviation_rad
+    columns = np.stack(
+        [np.cos(deviation_rad), np.sin(turned), np.cos(turned), np.sin(twice), np.cos(twice)],
+        axis=-1,
     )
-    solution = np.linalg.lstsq(columns, np.sin(deviation_rad), rcond=None)[0]
-    for _ in range(ITERATIONS):
-        residual, jacobian = _exact_residual(solution, magnetic_rad, deviation_rad)
-        step = np.linalg.lstsq(jacobian, residual, rcond=None)[0]
-        if float((residual - jacobian @ step) @ residual) > float(residual @ residual):
-            break
-        solution = solution + step
-        if float(np.abs(step).max()) < 1e-12:
-            break
-    if not float(np.hypot(solution[1], solution[2])) < LARGEST_HARD_IRON:
-        return _refused(Cause.HARD_IRON_TOO_LARGE, _TOO_STRONG)
+    start = _steps(columns, np.sin(deviation_rad))
+    solution, last = _descended(start, magnetic_rad, deviation_rad)
+    iron = np.hypot(solution[..., 1], solution[..., 2])
+    codes = ((cause != 0, cause), (~(iron < LARGEST_HARD_IRON), 3), (last > CONVERGED_RAD, 4))
+    found = np.select([holds for holds, _ in codes], [code for _, code in codes], 0)
     residual, jacobian = _exact_residual(solution, magnetic_rad, deviation_rad)
-    return _deviation(magnetic_rad, solution, residual, jacobian)
+    return _batch(magnetic_rad, solution, residual, jacobian, found.astype(np.int8))
 
 
 def exact_deviation_deg(
@@ -157,45 +229,96 @@ def exact_deviation_deg(
     return np.asarray(np.rad2deg(deviation_rad), dtype=float)
 
 
-_TOO_FEW: Final = "at least 8 headings round the circle are needed"
-_TOO_STRONG: Final = "hard iron reverses the horizontal field: degauss, or look for a magnet"
+def _one_unit(
+    compass_deg: ArrayLike, magnetic_deg: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    shapes = np.shape(compass_deg), np.shape(magnetic_deg)
+    if shapes[0] != shapes[1] or len(shapes[0]) != 1:
+        message = (
+            "compass_deg and magnetic_deg must be of one shape (n,); instead received "
+            f"{shapes[0]} and {shapes[1]}"
+        )
+        raise ValueError(message)
+    return _checked(compass_deg, magnetic_deg)
 
 
 def _checked(
     compass_deg: ArrayLike, magnetic_deg: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    compass = np.asarray(compass_deg, dtype=float)
-    magnetic = np.asarray(magnetic_deg, dtype=float)
-    if compass.shape != magnetic.shape or compass.ndim != 1:
+    """Return magnetic headings and deviations in radians, both of shape (..., n)."""
+    compass, magnetic = np.asarray(compass_deg, dtype=float), np.asarray(magnetic_deg, dtype=float)
+    try:
+        shape = np.broadcast_shapes(compass.shape, magnetic.shape)
+    except ValueError:
+        shape = ()
+    if not shape:
         message = (
-            "compass_deg and magnetic_deg must be of one shape (n,); instead received "
+            "compass_deg and magnetic_deg must have shapes that match in n; instead received "
             f"{compass.shape} and {magnetic.shape}"
         )
         raise ValueError(message)
     if not (np.isfinite(compass).all() and np.isfinite(magnetic).all()):
         message = "headings must be finite; instead received a value that is not"
         raise ValueError(message)
-    return np.deg2rad(magnetic), np.deg2rad(wrap_180_deg(magnetic - compass))
+    deviation_deg = wrap_180_deg(magnetic - compass)
+    return np.deg2rad(np.broadcast_to(magnetic, shape)), np.deg2rad(deviation_deg)
 
 
-def _sparse(magnetic_rad: NDArray[np.float64]) -> bool:
-    if len(magnetic_rad) < SMALLEST:
-        return True
-    turned = np.sort(np.mod(magnetic_rad, 2.0 * np.pi))
-    gaps = np.diff(turned, append=turned[0] + 2.0 * np.pi)
-    return bool(gaps.max() > np.pi / 2.0 + 1e-6)
+def _gap_cause(magnetic_rad: NDArray[np.float64]) -> NDArray[np.int8]:
+    """Return, shape (...), 2 where the headings leave a gap, else 0."""
+    gap_deg = largest_azimuth_gap_deg(np.rad2deg(magnetic_rad))
+    return np.where(gap_deg > LARGEST_GAP_DEG + 1e-4, 2, 0).astype(np.int8)
 
 
 def _parts(magnetic_rad: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    one, two = magnetic_rad, 2.0 * magnetic_rad
-    unit, nil = np.ones_like(one), np.zeros_like(one)
-    series = np.column_stack([unit, np.sin(one), np.cos(one), np.sin(two), np.cos(two)])
-    quadrature = np.column_stack([nil, np.cos(one), -np.sin(one), np.cos(two), -np.sin(two)])
+    """Return the columns of numerator and denominator, each (..., n, 5)."""
+    s1, c1 = np.sin(magnetic_rad), np.cos(magnetic_rad)
+    s2, c2 = np.sin(2.0 * magnetic_rad), np.cos(2.0 * magnetic_rad)
+    unit, nil = np.ones_like(s1), np.zeros_like(s1)
+    series = np.stack([unit, s1, c1, s2, c2], axis=-1)
+    quadrature = np.stack([nil, c1, -s1, c2, -s2], axis=-1)
     return series, quadrature
 
 
-def _series(magnetic_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    return _parts(magnetic_rad)[0]
+def _steps(columns: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the least squares solution of each unit, shape (..., 5)."""
+    normal = np.swapaxes(columns, -1, -2) @ columns
+    right = np.einsum("...nk,...n->...k", columns, values)
+    solution: NDArray[np.float64] = np.linalg.solve(_never_singular(normal), right[..., None])
+    return solution[..., 0]
+
+
+def _never_singular(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    trace = np.einsum("...kk->...", normal)[..., None, None]
+    return np.asarray(normal + RIDGE * trace * np.eye(normal.shape[-1]))
+
+
+def _descended(
+    solution: NDArray[np.float64],
+    magnetic_rad: NDArray[np.float64],
+    deviation_rad: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return solutions, shape (..., 5), and the size of each unit's last step, shape (...)."""
+    residual, jacobian = _exact_residual(solution, magnetic_rad, deviation_rad)
+    for _ in range(ITERATIONS):
+        step = _steps(jacobian, residual)
+        square = (residual**2).sum(axis=-1)
+        share = np.ones(square.shape)
+        for _ in range(HALVINGS):
+            trial, _ = _exact_residual(
+                solution + share[..., None] * step, magnetic_rad, deviation_rad
+            )
+            worse = (trial**2).sum(axis=-1) > square
+            if not worse.any():
+                break
+            share = np.where(worse, share / 2.0, share)
+        share = np.where(worse, 0.0, share)
+        solution = solution + share[..., None] * step
+        residual, jacobian = _exact_residual(solution, magnetic_rad, deviation_rad)
+        last = np.abs(step).max(axis=-1)
+        if float(last.max(initial=0.0)) < CONVERGED_RAD:
+            break
+    return solution, last
 
 
 def _exact_residual(
@@ -204,62 +327,58 @@ def _exact_residual(
     deviation_rad: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     series, quadrature = _parts(magnetic_rad)
-    sine, cosine = series @ solution, 1.0 + quadrature @ solution
-    model = np.arctan2(sine, cosine)
-    residual = np.arctan2(np.sin(deviation_rad - model), np.cos(deviation_rad - model))
-    square = np.maximum(sine**2 + cosine**2, 1e-12)
-    jacobian = (cosine[:, None] * series - sine[:, None] * quadrature) / square[:, None]
+    sine = np.einsum("...nk,...k->...n", series, solution)
+    cosine = 1.0 + np.einsum("...nk,...k->...n", quadrature, solution)
+    turned = deviation_rad - np.arctan2(sine, cosine)
+    residual = np.arctan2(np.sin(turned), np.cos(turned))
+    square = np.maximum(sine**2 + cosine**2, 1e-12)[..., None]
+    jacobian = (cosine[..., None] * series - sine[..., None] * quadrature) / square
     return residual, jacobian
 
 
-def _deviation(
+def _none_of(units: tuple[int, ...]) -> DeviationBatch:
+    """Return units that were all refused with TOO_FEW."""
+    nil, five = np.zeros(units), np.zeros((*units, 5))
+    return DeviationBatch(
+        coefficients_deg=five,
+        sd_deg=five,
+        residual_rms_deg=nil,
+        third_deg=nil,
+        fourth_deg=nil,
+        cause=np.ones(units, dtype=np.int8),
+    )
+
+
+def _batch(
     magnetic_rad: NDArray[np.float64],
     solution: NDArray[np.float64],
     residual: NDArray[np.float64],
     jacobian: NDArray[np.float64],
-) -> Deviation:
-    dof = max(len(residual) - 5, 1)
-    variance = float(residual @ residual) / dof
-    sd = np.sqrt(variance * np.diag(np.linalg.pinv(jacobian.T @ jacobian)))
-    amplitudes = [_amplitude_deg(magnetic_rad, residual, order) for order in (3, 4)]
-    coefficients = tuple(float(value) for value in np.rad2deg(solution))
-    return Deviation(
-        coefficients_deg=coefficients,
-        sd_deg=tuple(float(value) for value in np.rad2deg(sd)),
-        residual_rms_deg=float(np.rad2deg(np.sqrt((residual**2).mean()))),
-        third_deg=amplitudes[0],
-        fourth_deg=amplitudes[1],
-        cause=None,
-        words=_words(coefficients, amplitudes),
-    )
+    cause: NDArray[np.int8],
+) -> DeviationBatch:
+    count = residual.shape[-1]
+    variance = (residual**2).sum(axis=-1) / max(count - 5, 1)
+    inverse = np.linalg.inv(_never_singular(np.swapaxes(jacobian, -1, -2) @ jacobian))
+    diagonal = np.maximum(np.einsum("...kk->...k", inverse), 0.0)
+    accepted = cause == 0
 
+    def kept(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        mask = accepted if values.shape == accepted.shape else accepted[..., None]
+        return np.where(mask, np.rad2deg(values), 0.0)
 
-def _amplitude_deg(
-    magnetic_rad: NDArray[np.float64], residual: NDArray[np.float64], order: int
-) -> float:
-    wave = np.exp(-1j * order * magnetic_rad)
-    return float(np.rad2deg(2.0 * abs((residual * wave).mean())))
-
-
-def _words(coefficients_deg: tuple[float, ...], harmonics_deg: list[float]) -> tuple[str, ...]:
-    a, b, c, d, e = coefficients_deg
-    sizes = (abs(a), math.hypot(b, c), math.hypot(d, e), math.hypot(*harmonics_deg))
-    spoken = sorted(
-        ((size, meaning) for size, (_, meaning) in zip(sizes, _MEANINGS, strict=True)),
-        reverse=True,
-    )
-    words = tuple(f"{meaning}: {size:.2f} deg" for size, meaning in spoken if size >= SPOKEN_DEG)
-    return words or (f"no error of {SPOKEN_DEG:.1f} deg or more",)
-
-
-def _refused(cause: Cause, sentence: str) -> Deviation:
-    zero = (0.0,) * 5
-    return Deviation(
-        coefficients_deg=zero,
-        sd_deg=zero,
-        residual_rms_deg=0.0,
-        third_deg=0.0,
-        fourth_deg=0.0,
+    third, fourth = (_amplitude(magnetic_rad, residual, order) for order in (3, 4))
+    return DeviationBatch(
+        coefficients_deg=kept(solution),
+        sd_deg=kept(np.sqrt(variance[..., None] * diagonal)),
+        residual_rms_deg=kept(np.sqrt((residual**2).mean(axis=-1))),
+        third_deg=kept(third),
+        fourth_deg=kept(fourth),
         cause=cause,
-        words=(sentence,),
     )
+
+
+def _amplitude(
+    magnetic_rad: NDArray[np.float64], residual: NDArray[np.float64], order: int
+) -> NDArray[np.float64]:
+    wave = np.exp(-1j * order * magnetic_rad)
+    return np.asarray(2.0 * np.abs((residual * wave).mean(axis=-1)))

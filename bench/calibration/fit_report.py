@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from bench.calibration.methods import (
-    METHODS,
+from bench.calibration.compensation import Order
+from bench.calibration.methods import METHODS, fit_named, require_finite, rows_of
+from bench.calibration.ranking import (
+    TILT_METHODS,
     HeadingError,
-    fit_named,
+    achieved_by_order,
+    borrowed_tilt,
     heading_error,
+    orders_of,
     rank,
-    require_finite,
-    rows_of,
+    study,
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from bench.calibration.fit import CalibrationData, Fit
@@ -26,7 +32,9 @@ HOLDOUTS: Final = ("blocks", "none")
 ALL: Final = "all"
 
 
-def fit_report(data: CalibrationData, method: str, holdout: str = "blocks") -> dict[str, Any]:
+def fit_report(
+    data: CalibrationData, method: str, holdout: str = "blocks", order: str = Order.BODY
+) -> dict[str, Any]:
     """Return the JSON object of one method, or of all with ``method="all"``.
 
     Parameters
@@ -35,24 +43,31 @@ def fit_report(data: CalibrationData, method: str, holdout: str = "blocks") -> d
         Rows of a recording. Where it has azimuths, `holdout` decides which rows are fitted and
         which judge; without azimuths every row is fitted.
     method : str
-        A name of `METHODS`, or "all": then the object holds ``ranking``, a list of the
-        objects of every method, best first, refused ones last.
+        A name of `METHODS`, or "all": then the object holds ``ranking``, a list of the objects
+        of every method, best first, refused ones last.
     holdout : {"blocks", "none"}
         "blocks" fits the first, third, ... block of 20 rows and judges the others; a recording
         of less than 80 rows takes every second row. "none" fits and judges all rows.
+    order : str
+        Order of compensation (`compensation.Order`) of ``heading_error_deg`` and of the ranking.
 
     Returns
     -------
     dict
-        Keys method, samples, cause, offset, matrix, field, dip_deg, covariance, residual_rms,
-        chi2_reduced, rank, condition, coverage, predicted_heading_rms_deg and, where there are
-        azimuths, heading_error_deg with ``before`` and ``after`` (None if refused), each rms,
-        max, mean. Every number is finite; what is not known is None.
+        Keys method, samples, cause, message, offset, matrix, field, dip_deg, extended_dip_deg,
+        covariance, residual_rms, chi2_reduced, rank, condition, coverage,
+        predicted_heading_rms_deg, extra, order, tilt_from and, where there are azimuths,
+        heading_error_deg with ``before`` and ``after`` (None if refused), each rms, max, mean,
+        orders: by order of compensation the level and the tilted error (empty if refused), and
+        raw: the same without coefficients (beside ``ranking`` where there is one).
+        A method for two axes knows the order "body" only, and its object says so. Every number
+        is finite; what is not known is None.
 
     Raises
     ------
     ValueError
-        If method or holdout has no such name, or the data are not finite or not of one length.
+        If method, holdout or order has no such name, or the data are not finite or not of one
+        length.
 
     Examples
     --------
@@ -61,12 +76,33 @@ def fit_report(data: CalibrationData, method: str, holdout: str = "blocks") -> d
     >>> fit_report(data_of_a_turn(), "ellipsoid")["cause"]
     'tilt_too_small'
     """
+    chosen = _order(order)
     if method != ALL:
-        return report_of(*fitted(data, method, holdout))
-    judged = split(data, holdout)[1]
-    fits = [fitted(data, name, holdout)[0] for name in METHODS]
-    ranked = rank(fits, judged)
-    return {"method": ALL, "ranking": [report_of(entry.fit, judged) for entry in ranked]}
+        fit, judged = fitted(data, method, holdout)
+        report = report_of(fit, judged, _lenders(data, fit, holdout), chosen)
+    else:
+        judged = split(data, holdout)[1]
+        fits = {name: fitted(data, name, holdout)[0] for name in METHODS}
+        ranked = rank(list(fits.values()), judged, order=chosen)
+        ranking = [report_of(entry.fit, judged, fits, chosen) for entry in ranked]
+        report = {"method": ALL, "order": str(chosen), "ranking": ranking}
+    if judged.azimuth_deg is not None:
+        report["raw"] = study({}, judged).as_dict()["raw"]
+    return report
+
+
+def _order(name: str) -> Order:
+    if name not in tuple(Order):
+        message = f"order must be one of {', '.join(Order)}; instead received {name}"
+        raise ValueError(message)
+    return Order(name)
+
+
+def _lenders(data: CalibrationData, fit: Fit, holdout: str) -> dict[str, Fit]:
+    """Return the fits of the same rows whose tilt this one may need."""
+    if fit.refused or fit.accel_matrix is not None or data.accel_g is None:
+        return {}
+    return {name: fitted(data, name, holdout)[0] for name in TILT_METHODS}
 
 
 def fitted(
@@ -96,16 +132,28 @@ def split(data: CalibrationData, holdout: str) -> tuple[CalibrationData, Calibra
     return rows_of(data, ~odd), rows_of(data, odd)
 
 
-def report_of(fit: Fit, judged: CalibrationData) -> dict[str, Any]:
-    """Return the JSON object of one fit, with heading errors on the rows that judge it."""
+def report_of(
+    fit: Fit, judged: CalibrationData, fits: Mapping[str, Fit], order: Order = Order.BODY
+) -> dict[str, Any]:
+    """Return the JSON object of one fit, with heading errors on the rows that judge it.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit
+        Fits of the same rows by method, whose tilt this one may borrow.
+    """
+    source, tilt = borrowed_tilt(fit, fits, judged)
+    order = order if order in orders_of(fit) else Order.BODY
     report: dict[str, Any] = {
         "method": fit.method,
         "samples": fit.samples,
         "cause": None if fit.cause is None else str(fit.cause),
+        "message": fit.message,
         "offset": _listed(fit.offset_mg),
         "matrix": _listed(fit.matrix),
         "field": _number(fit.field_mg),
         "dip_deg": _number(fit.dip_deg),
+        "extended_dip_deg": _number(fit.extended_dip_deg),
         "covariance": _listed(fit.covariance),
         "residual_rms": _number(fit.residual_rms_mg),
         "chi2_reduced": _number(fit.chi2_reduced),
@@ -113,12 +161,23 @@ def report_of(fit: Fit, judged: CalibrationData) -> dict[str, Any]:
         "condition": _number(fit.condition),
         "coverage": _number(fit.coverage),
         "predicted_heading_rms_deg": _number(fit.predicted_heading_rms_deg),
+        "extra": {name: _number(value) for name, value in fit.extra.items()},
+        "order": str(order),
+        "tilt_from": None if fit.refused else source,
     }
     if judged.azimuth_deg is not None:
-        after = None if fit.refused else _error(heading_error(judged, fit))
         before = _error(heading_error(judged, None))
+        after = None
+        if not fit.refused:
+            after = _error(heading_error(judged, fit, tilt=tilt, order=order))
         report["heading_error_deg"] = {"before": before, "after": after}
+        report["orders"] = {} if fit.refused else _by_order(fit, judged, tilt)
     return report
+
+
+def _by_order(fit: Fit, judged: CalibrationData, tilt: Fit | None) -> dict[str, Any]:
+    found = achieved_by_order(fit, judged, tilt=tilt)
+    return {order: asdict(achieved) for order, achieved in found.items()}
 
 
 def _error(error: HeadingError) -> dict[str, float]:

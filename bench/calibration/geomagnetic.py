@@ -7,12 +7,15 @@ to 0.4 deg at middle latitudes, and a building's iron is not in it.
 References
 ----------
 .. [1] NOAA NCEI and BGS, "The US/UK World Magnetic Model for 2025-2030": error model.
+.. [2] S. Y. Cho and C. G. Park, ETRI Journal 27(3), 2005, (25): dip of a dipole.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import date
+from functools import cache
+from importlib.resources import files
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -51,6 +54,31 @@ class GeomagneticField:
     def weak(self) -> bool:
         """Whether the horizontal field is too weak for a compass to be trusted."""
         return self.horizontal_mg < WEAK_HORIZONTAL_MG
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DipComparison:
+    """Dip of one place and date by latitude, by geomagnetic latitude and by the model, in degrees.
+
+    Attributes
+    ----------
+    geographic_deg : float
+        (25) with the latitude, as Cho & Park use it: right for a dipole along the Earth's axis.
+    geomagnetic_deg : float
+        (25) with the latitude from the dipole's pole, as the formula means it.
+    model_deg : float
+        World Magnetic Model.
+    geomagnetic_latitude_deg : float
+    pole_latitude_deg, pole_longitude_deg : float
+        Geomagnetic north pole of the model's dipole.
+    """
+
+    geographic_deg: float
+    geomagnetic_deg: float
+    model_deg: float
+    geomagnetic_latitude_deg: float
+    pole_latitude_deg: float
+    pole_longitude_deg: float
 
 
 def decimal_year(day: date) -> float:
@@ -127,6 +155,101 @@ def true_heading_deg(magnetic_deg: ArrayLike, declination_deg: float) -> NDArray
     2.0
     """
     return wrap_360_deg(np.asarray(magnetic_deg, dtype=float) + declination_deg)
+
+
+def dip_from_latitude_deg(latitude_deg: ArrayLike) -> NDArray[np.float64]:
+    """Return the dip, shape (...), of a dipole: tan(dip) = 2 tan(latitude) [2]_ (25).
+
+    Parameters
+    ----------
+    latitude_deg : array-like, shape (...)
+        The formula's own is the *geomagnetic* latitude (`geomagnetic_latitude_deg`).
+
+    Examples
+    --------
+    >>> dip_from_latitude_deg([0.0, 37.5, 90.0]).round(2).tolist()
+    [0.0, 56.91, 90.0]
+    """
+    latitude_rad = np.deg2rad(np.asarray(latitude_deg, dtype=float))
+    return np.asarray(np.rad2deg(np.arctan2(2.0 * np.sin(latitude_rad), np.cos(latitude_rad))))
+
+
+def geomagnetic_pole_deg(year: float) -> tuple[float, float]:
+    """Return latitude and longitude of the geomagnetic north pole: that of the model's dipole.
+
+    From the coefficients of degree 1 and their yearly change.
+
+    >>> latitude_deg, longitude_deg = geomagnetic_pole_deg(2025.0)
+    >>> round(latitude_deg, 1), round(longitude_deg, 1)
+    (80.8, -72.8)
+    """
+    _require("year", year, EPOCH, LAST, "")
+    north = -_dipole_nt(year)
+    horizontal = float(np.hypot(north[0], north[1]))
+    latitude_rad, longitude_rad = np.arctan2(north[2], horizontal), np.arctan2(north[1], north[0])
+    return float(np.rad2deg(latitude_rad)), float(np.rad2deg(longitude_rad))
+
+
+def geomagnetic_latitude_deg(
+    latitude_deg: ArrayLike, longitude_deg: ArrayLike, year: float
+) -> NDArray[np.float64]:
+    """Return geomagnetic latitudes, shape (...): angles from the dipole's equator.
+
+    The Earth is taken as a sphere, as (25) does; geodetic latitudes differ from geocentric ones
+    by 0.19 deg or less.
+
+    >>> round(float(geomagnetic_latitude_deg(37.5, 127.0, 2025.0)), 2)
+    28.78
+    """
+    latitude_rad = np.deg2rad(np.asarray(latitude_deg, dtype=float))
+    longitude_rad = np.deg2rad(np.asarray(longitude_deg, dtype=float))
+    dipole = -_dipole_nt(year)
+    x, y, z = dipole / np.linalg.norm(dipole)
+    across = x * np.cos(longitude_rad) + y * np.sin(longitude_rad)
+    sine = across * np.cos(latitude_rad) + z * np.sin(latitude_rad)
+    return np.asarray(np.rad2deg(np.arcsin(np.clip(sine, -1.0, 1.0))))
+
+
+def compare_dips(
+    latitude_deg: float, longitude_deg: float, altitude_km: float, year: float
+) -> DipComparison:
+    """Return the three dips of a place and date side by side; arguments as of `earth_field`.
+
+    Examples
+    --------
+    >>> seoul = compare_dips(37.5, 127.0, 0.0, 2026.9)
+    >>> dips_deg = seoul.geographic_deg, seoul.geomagnetic_deg, seoul.model_deg
+    >>> [round(dip_deg, 1) for dip_deg in dips_deg]
+    [56.9, 47.8, 54.6]
+    """
+    model = earth_field(latitude_deg, longitude_deg, altitude_km, year)
+    magnetic_deg = float(geomagnetic_latitude_deg(latitude_deg, longitude_deg, year))
+    pole_latitude_deg, pole_longitude_deg = geomagnetic_pole_deg(year)
+    return DipComparison(
+        geographic_deg=float(dip_from_latitude_deg(latitude_deg)),
+        geomagnetic_deg=float(dip_from_latitude_deg(magnetic_deg)),
+        model_deg=model.dip_deg,
+        geomagnetic_latitude_deg=magnetic_deg,
+        pole_latitude_deg=pole_latitude_deg,
+        pole_longitude_deg=pole_longitude_deg,
+    )
+
+
+def _dipole_nt(year: float) -> NDArray[np.float64]:
+    """Return (g11, h11, g10): the dipole's direction, which points south."""
+    at_epoch, by_year = _degree_one()
+    return at_epoch + (year - EPOCH) * by_year
+
+
+@cache
+def _degree_one() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (g11, h11, g10) in nT at the model's epoch, and their change a year."""
+    text = (files("pygeomag") / _COEFFICIENTS).read_text(encoding="utf-8")
+    rows = {tuple(line.split()[:2]): line.split()[2:] for line in text.splitlines()[1:]}
+    (g10, _, g10_year, _), (g11, h11, g11_year, h11_year) = (
+        (float(value) for value in rows["1", order]) for order in "01"
+    )
+    return np.array([g11, h11, g10]), np.array([g11_year, h11_year, g10_year])
 
 
 def _require(name: str, value: float, low: float, high: float, unit: str) -> None:

@@ -5,6 +5,10 @@ Skula (2)-(3): offset = (max + min)/2 of each axis. Konvalin (1)-(2) is the same
 leaves: the vertical axis, soft iron off the axes, misalignment, and the tilt of the turn: 0.1
 deg between body and level reads as hard iron worth 0.17 deg of heading at dip 60.
 
+The extreme of noisy readings lies outside: of a thousand readings the amplitude is about two
+standard deviations too large, on both axes alike, so that heading and offset do not feel it.
+The largest reading of a coarse turn lies inside; what that makes unequal is in the covariance.
+
 References
 ----------
 .. [1] J. Skula, "New Method for Magnetometer Offset Compensation", 2010.
@@ -14,28 +18,48 @@ References
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.calibration.coverage import sphere_coverage
-from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
-from bench.calibration.prediction import heading_grid, predicted_heading_deg
-from bench.calibration.tilt import attitude_deg
+from bench.calibration.fit import CalibrationData, Cause, Fit
+from bench.calibration.level_kernel import (
+    LARGEST_AXIS_RATIO,
+    SMALLEST_SWING,
+    LevelFits,
+    accepted_or_neutral,
+    disturbed_units,
+    first_cause,
+    largest_gap_deg,
+    require_readings,
+    saturated_units,
+    within_range,
+)
+from bench.calibration.level_turn import AMPLITUDE_PARAMETERS, amplitude_fit, fit_level_turn
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
 METHOD: Final = "min_max"
 SMALLEST: Final = 4
-LEVEL_DEG: Final = 5.0
-"""Rows tilted by more are left out where the tilt is known."""
 LARGEST_GAP_DEG: Final = 95.0
 """Largest gap between neighbouring directions of a turn; four quarters still pass."""
-LARGEST_AXIS_RATIO: Final = 5.0
 LARGEST_RESIDUAL: Final = 0.20
 """RMS distance from the circle, as a part of its radius: more is no turn in one field."""
-PARAMETERS: Final = ("offset_x_mg", "offset_y_mg", "amplitude_x_mg", "amplitude_y_mg")
+PARAMETERS: Final = AMPLITUDE_PARAMETERS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MinMaxFits(LevelFits):
+    """Level fits with the half-ranges of x and y.
+
+    Attributes
+    ----------
+    amplitude_mg : ndarray, shape (..., 2)
+    """
+
+    amplitude_mg: NDArray[np.float64]
 
 
 def fit_min_max(data: CalibrationData) -> Fit:
@@ -51,7 +75,7 @@ def fit_min_max(data: CalibrationData) -> Fit:
     -------
     Fit
         z keeps offset 0 and gain 1. The prediction is for level headings. Refused with
-        TOO_FEW, NO_TURN, DEGENERATE or RESIDUAL_TOO_LARGE.
+        TOO_FEW, NO_TURN, SATURATED, DEGENERATE, FIELD_DISTURBED or RESIDUAL_TOO_LARGE.
 
     Examples
     --------
@@ -60,116 +84,107 @@ def fit_min_max(data: CalibrationData) -> Fit:
     >>> fit_min_max(CalibrationData(field_mg=field)).offset_mg.round(9).tolist()
     [40.0, -30.0, 0.0]
     """
-    level = level_rows(data)
-    field_mg = data.field_mg[level]
-    if len(field_mg) < SMALLEST:
-        message = (
-            f"a level turn needs at least {SMALLEST} readings within {LEVEL_DEG:.0f} deg of "
-            f"level; instead received {len(field_mg)}"
-        )
-        return refusal(METHOD, Cause.TOO_FEW, message, data)
-    high, low = field_mg[:, :2].max(axis=0), field_mg[:, :2].min(axis=0)
-    offset, amplitude = (high + low) / 2.0, (high - low) / 2.0
-    if amplitude.min() * LARGEST_AXIS_RATIO <= amplitude.max():
-        message = (
-            f"the turn moves x by {amplitude[0]:.1f} and y by {amplitude[1]:.1f} mG: no full "
-            "turn, or an axis is stuck"
-        )
-        cause = Cause.NO_TURN if amplitude.max() < 10.0 * data.field_sd_mg else Cause.DEGENERATE
-        return refusal(METHOD, cause, message, data)
-    unit = (field_mg[:, :2] - offset) / amplitude
-    gap_deg = largest_gap_deg(unit)
-    if gap_deg > LARGEST_GAP_DEG:
-        message = (
-            f"the turn leaves a gap of {gap_deg:.0f} deg, more than {LARGEST_GAP_DEG:.0f}: turn "
-            "through all headings"
-        )
-        return refusal(METHOD, Cause.NO_TURN, message, data, coverage=1.0 - gap_deg / 360.0)
-    residual_mg = _residual_mg(unit, amplitude)
-    if residual_mg > LARGEST_RESIDUAL * amplitude.mean():
-        message = (
-            f"the turn is {100.0 * residual_mg / amplitude.mean():.0f} % off a circle: tilted, "
-            "soft iron off the axes, or a field that changed"
-        )
-        return refusal(METHOD, Cause.RESIDUAL_TOO_LARGE, message, data, residual_rms_mg=residual_mg)
-    return _fit_of(data, unit, offset, amplitude, residual_mg)
+    return fit_level_turn(METHOD, data, SMALLEST, min_max_batch, _fit_of)
 
 
-def level_rows(data: CalibrationData) -> NDArray[np.bool_]:
-    """Return which rows, shape (n,), are within 5 deg of level; all where tilt is unknown."""
-    if data.pitch_deg is not None and data.roll_deg is not None:
-        pitch_deg, roll_deg = data.pitch_deg, data.roll_deg
-    elif data.accel_g is not None:
-        pitch_deg, roll_deg = attitude_deg(data.accel_g)
-    else:
-        return np.ones(len(data), dtype=bool)
-    return np.asarray(np.maximum(np.abs(pitch_deg), np.abs(roll_deg)) < LEVEL_DEG)
+def min_max_batch(
+    field_mg: ArrayLike, field_sd_mg: float, *, horizontal_mg: ArrayLike | None = None
+) -> MinMaxFits:
+    """Fit offset and amplitude of x and y of many units [1]_ (2), without a loop over them.
 
+    Parameters
+    ----------
+    field_mg : array-like, shape (..., n, 2), n >= 4
+        x and y of a level turn in order of time.
+    field_sd_mg : float
+        Standard deviation of one reading.
+    horizontal_mg : array-like, shape (...), optional
+        Radius of the corrected circle; else the mean of both amplitudes.
 
-def largest_gap_deg(horizontal: NDArray[np.float64]) -> float:
-    """Return the largest gap between neighbouring directions, shape (n, 2), round the circle.
+    Returns
+    -------
+    MinMaxFits
+        Covariance of offset x, y and amplitude x, y: the noise of two readings each, times
+        chi2_reduced (without a scale common to both axes) where that exceeds 1, and the outer
+        product of the errors that the angles between the extreme readings and the axes cause.
 
-    >>> largest_gap_deg(np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]]))
-    180.0
+    Raises
+    ------
+    ValueError
+        If the shape is another or a value is not finite.
     """
-    turned_deg = np.sort(np.rad2deg(np.arctan2(horizontal[:, 1], horizontal[:, 0])))
-    gaps_deg = np.diff(turned_deg, append=turned_deg[0] + 360.0)
-    return float(gaps_deg.max())
-
-
-def _fit_of(
-    data: CalibrationData,
-    unit: NDArray[np.float64],
-    offset: NDArray[np.float64],
-    amplitude: NDArray[np.float64],
-    residual_mg: float,
-) -> Fit:
-    horizontal_mg = _horizontal_mg(data, amplitude)
-    dof = max(len(unit) - 4, 1)
-    chi2 = len(unit) * residual_mg**2 / data.field_sd_mg**2 / dof
-    variance = data.field_sd_mg**2 / 2.0 * max(chi2, 1.0)
-    rms_deg, max_deg = _predicted(horizontal_mg, variance)
-    turn = np.column_stack([unit, np.ones(len(unit))])
-    singular = np.linalg.svd(turn, compute_uv=False)
-    return Fit(
-        method=METHOD,
-        message="from level readings only; z, soft iron and misalignment are not in the prediction",
-        samples=len(unit),
-        offset_mg=np.array([offset[0], offset[1], 0.0]),
-        matrix=np.diag([horizontal_mg / amplitude[0], horizontal_mg / amplitude[1], 1.0]),
-        field_mg=horizontal_mg,
-        parameters=PARAMETERS,
-        covariance=np.eye(4) * variance,
-        residual_rms_mg=residual_mg,
+    readings, beyond = within_range(require_readings(field_mg, SMALLEST))
+    high, low = readings.max(axis=-2), readings.min(axis=-2)
+    offset, amplitude = (high + low) / 2.0, (high - low) / 2.0
+    flat = amplitude.min(axis=-1) * LARGEST_AXIS_RATIO <= amplitude.max(axis=-1)
+    safe = np.where(flat[..., None], 1.0, amplitude)
+    unit = (readings - offset[..., None, :]) / safe[..., None, :]
+    mean_mg = safe.mean(axis=-1)
+    radial = (np.hypot(unit[..., 0], unit[..., 1]) - 1.0) * mean_mg[..., None]
+    # A scale common to both axes is no misfit of the heading.
+    spread = radial.var(axis=-1) / field_sd_mg**2
+    chi2 = radial.shape[-1] * spread / max(radial.shape[-1] - 4, 1)
+    cause = first_cause(
+        (Cause.DEGENERATE, beyond),
+        *_causes(readings, amplitude, unit, radial, field_sd_mg),
+    )
+    horizontal = mean_mg if horizontal_mg is None else np.broadcast_to(horizontal_mg, mean_mg.shape)
+    noise = field_sd_mg**2 / 2.0 * np.maximum(chi2, 1.0)
+    coarse = _coarseness_mg(unit, safe)
+    covariance = np.eye(4) * noise[..., None, None] + coarse[..., None] * coarse[..., None, :]
+    offset, matrix, covariance = accepted_or_neutral(
+        cause, offset, np.eye(2) * (horizontal[..., None] / safe)[..., None, :], covariance
+    )
+    return MinMaxFits(
+        offset_mg=offset,
+        matrix=matrix,
+        horizontal_mg=np.asarray(horizontal, dtype=float),
+        covariance=covariance,
+        residual_rms_mg=np.sqrt((radial**2).mean(axis=-1)),
         chi2_reduced=chi2,
-        dof=dof,
-        rank=4,
-        condition=float(singular[0] / singular[-1]),
-        coverage=sphere_coverage(np.insert(unit, 2, 0.0, axis=1)),
-        predicted_heading_rms_deg=rms_deg,
-        predicted_heading_max_deg=max_deg,
-        extra={
-            "amplitude_x_mg": float(amplitude[0]),
-            "amplitude_y_mg": float(amplitude[1]),
-            "largest_gap_deg": largest_gap_deg(unit),
-        },
+        gap_deg=largest_gap_deg(unit),
+        cause=cause,
+        amplitude_mg=amplitude,
     )
 
 
-def _residual_mg(unit: NDArray[np.float64], amplitude: NDArray[np.float64]) -> float:
-    """Return the RMS distance of the scaled turn from its circle."""
-    radial = np.hypot(unit[:, 0], unit[:, 1]) - 1.0
-    return float(np.sqrt((radial**2).mean())) * float(amplitude.mean())
+def _causes(
+    readings: NDArray[np.float64],
+    amplitude: NDArray[np.float64],
+    unit: NDArray[np.float64],
+    radial: NDArray[np.float64],
+    field_sd_mg: float,
+) -> tuple[tuple[Cause, NDArray[np.bool_]], ...]:
+    """Return causes and the units, shape (...), where each holds; the first one counts."""
+    largest, mean_mg = amplitude.max(axis=-1), amplitude.mean(axis=-1)
+    residual = np.sqrt((radial**2).mean(axis=-1))
+    return (
+        (Cause.NO_TURN, np.asarray(largest < SMALLEST_SWING * field_sd_mg)),
+        (Cause.SATURATED, saturated_units(readings)),
+        (Cause.DEGENERATE, np.asarray(amplitude.min(axis=-1) * LARGEST_AXIS_RATIO <= largest)),
+        (Cause.NO_TURN, np.asarray(largest_gap_deg(unit) > LARGEST_GAP_DEG)),
+        (Cause.FIELD_DISTURBED, disturbed_units(radial, unit, mean_mg, field_sd_mg)),
+        (Cause.RESIDUAL_TOO_LARGE, np.asarray(residual > LARGEST_RESIDUAL * mean_mg)),
+    )
 
 
-def _horizontal_mg(data: CalibrationData, amplitude: NDArray[np.float64]) -> float:
-    if data.station_field_mg is None:
-        return float(amplitude.mean())
-    return float(np.hypot(data.station_field_mg[0], data.station_field_mg[1]))
+def _coarseness_mg(
+    unit: NDArray[np.float64], amplitude: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return, shape (..., 4), the parameters' errors where no reading lies on an axis.
+
+    A reading d off the axis has an extreme too small by A (1 - cos d); alike at both ends it
+    leaves the offset, alike on both axes it leaves the heading.
+    """
+    missed = []
+    for extreme in (unit.argmax(axis=-2), unit.argmin(axis=-2)):
+        across = np.take_along_axis(unit[..., ::-1], extreme[..., None, :], axis=-2)[..., 0, :]
+        missed.append(1.0 - np.sqrt(np.maximum(1.0 - across**2, 0.0)))
+    offset = (missed[1] - missed[0]) / 2.0 * amplitude
+    half_range = -(missed[0] + missed[1]) / 2.0 * amplitude
+    return np.concatenate([offset, half_range], axis=-1)
 
 
-def _predicted(horizontal_mg: float, variance: float) -> tuple[float, float]:
-    grid = heading_grid(np.array([horizontal_mg, 0.0, 0.0]), level_only=True)
-    gradient = grid.field_gradient_deg[:, :2]
-    by_amplitude = -gradient * grid.field_mg[:, :2] / horizontal_mg
-    return predicted_heading_deg(np.hstack([-gradient, by_amplitude]), np.eye(4) * variance)
+def _fit_of(fits: MinMaxFits, field_mg: NDArray[np.float64]) -> Fit:
+    dof = max(len(field_mg) - 4, 1)
+    return amplitude_fit(METHOD, fits, field_mg, fits.amplitude_mg, dof=dof)

@@ -33,14 +33,39 @@ def saturated_axis(field_mg: NDArray[np.float64]) -> str | None:
     >>> saturated_axis(circle), saturated_axis(np.minimum(circle, [300.0, 800.0, 800.0]))
     (None, 'x')
     """
-    extent_mg = float(np.sqrt(field_mg.var(axis=0).sum()))
-    for axis, name in enumerate("xyz"):
-        others_mg = np.delete(field_mg, axis, axis=1)
-        levels, counts = np.unique(field_mg[:, axis], return_counts=True)
-        for end, beside in ((0, 1), (-1, -2)):
-            if len(levels) < 2 or counts[end] < max(FEWEST, HELD_SHARE * counts[beside]):
-                continue
-            held_mg = others_mg[field_mg[:, axis] == levels[end]]
-            if float(np.sqrt(held_mg.var(axis=0).sum())) > SPREAD * extent_mg:
-                return name
-    return None
+    held = saturated(np.asarray(field_mg, dtype=float))
+    return "xyz"[int(np.argmax(held))] if held.any() else None
+
+
+def saturated(field_mg: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which axes, shape (..., k), of readings (..., n, k) are held at one extreme value."""
+    held = np.zeros((*field_mg.shape[:-2], field_mg.shape[-1]), dtype=bool)
+    if field_mg.shape[-2] < FEWEST:
+        return held
+    columns = np.ascontiguousarray(np.swapaxes(field_mg, -1, -2))
+    spread = SPREAD**2 * columns.var(axis=-1).sum(axis=-1)
+    for axis in range(field_mg.shape[-1]):
+        others_mg = np.delete(columns, axis, axis=-2)
+        for side_mg in (columns[..., axis, :], -columns[..., axis, :]):
+            held[..., axis] |= _held(side_mg, others_mg, spread)
+    return held
+
+
+def _held(
+    values_mg: NDArray[np.float64], others_mg: NDArray[np.float64], spread: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return, shape (...), whether the largest values (..., n) are held while the others vary.
+
+    The others, shape (..., k, n), are looked at only where the largest value comes back often.
+    """
+    at_end = values_mg == values_mg.max(axis=-1, keepdims=True)
+    count = at_end.sum(axis=-1)
+    held = (count >= FEWEST) & (count < values_mg.shape[-1])
+    if not held.any():
+        return np.asarray(held)
+    inside_mg = np.where(at_end, -np.inf, values_mg)
+    beside = inside_mg == inside_mg.max(axis=-1, keepdims=True)
+    mean_mg = np.where(at_end[..., None, :], others_mg, 0.0).sum(axis=-1) / count[..., None]
+    off_mg = np.where(at_end[..., None, :], others_mg - mean_mg[..., None], 0.0)
+    varied = (off_mg**2).sum(axis=(-2, -1)) / count > spread
+    return np.asarray(held & varied & (count >= HELD_SHARE * beside.sum(axis=-1)))

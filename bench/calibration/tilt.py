@@ -10,7 +10,8 @@ References
    is printed with a one-argument arctangent; the quadrant needs atan2(b, a). Equation (17)
    reads a roll of 100 deg as 80; with three axes atan2 does not.
 .. [2] M. J. Caruso, "Applications of Magnetic Sensors for Low Cost Compass Systems", PLANS
-   2000, equations (1)-(3). Its z axis points up and (1) mirrors the heading: not used.
+   2000, equations (1)-(3). Its z axis points up, which `caruso_heading_deg` keeps; (1) mirrors
+   the heading and is not used.
 """
 
 from __future__ import annotations
@@ -148,3 +149,68 @@ def tilt_compensated_heading_deg(field_mg: ArrayLike, accel_g: ArrayLike) -> NDA
     """
     pitch_deg, roll_deg = attitude_deg(accel_g)
     return heading_deg(field_mg, pitch_deg, roll_deg)
+
+
+def caruso_heading_deg(
+    X: ArrayLike, Y: ArrayLike, Z: ArrayLike, theta_deg: ArrayLike, phi_deg: ArrayLike
+) -> NDArray[np.float64]:
+    """Return magnetic headings in [0, 360), shape (...), in Caruso's symbols [2]_ (2)-(3).
+
+    His body is left-handed: x forward, y right, z *up*; theta is roll, phi is pitch, nose up and
+    right side down positive. From the product's frame negate z, and nothing else: with both tilts
+    negated too the heading is wrong by up to 180 deg. The quadrants of (3) are those of atan2.
+
+    Parameters
+    ----------
+    X, Y, Z : array-like, shape (...)
+        Field, Z positive up.
+    theta_deg, phi_deg : array-like, shape (...)
+        Roll and pitch.
+
+    Examples
+    --------
+    >>> X, Y, Z = ned_from_body(123.0, 20.0, -35.0).T @ [250.0, 0.0, 433.0]
+    >>> round(float(caruso_heading_deg(X, Y, -Z, theta_deg=-35.0, phi_deg=20.0)), 9)
+    123.0
+    """
+    X, Y, Z = (np.asarray(value, dtype=float) for value in (X, Y, Z))
+    theta, phi = np.deg2rad(theta_deg), np.deg2rad(phi_deg)
+    X_h = X * np.cos(phi) + Y * np.sin(theta) * np.sin(phi) - Z * np.cos(theta) * np.sin(phi)
+    Y_h = Y * np.cos(theta) + Z * np.sin(theta)
+    return wrap_360_deg(np.rad2deg(np.arctan2(-Y_h, X_h)))
+
+
+def cho_park_azimuth_deg(
+    X: ArrayLike,
+    Y: ArrayLike,
+    Z: ArrayLike,
+    theta_deg: ArrayLike,
+    phi_deg: ArrayLike,
+    gamma_deg: ArrayLike = 0.0,
+) -> NDArray[np.float64]:
+    """Return *true* azimuths in [0, 360), shape (...), in Cho & Park's symbols [1]_ (18), (21).
+
+    Their body is the product's; theta is pitch and phi roll, the opposite letters of Caruso.
+    gamma counts *west* declination positive: give minus the east declination.
+
+    Parameters
+    ----------
+    X, Y, Z : array-like, shape (...)
+        Normalised field; Z measured, or estimated by (10) (`two_axis.estimated_z_mg`).
+    theta_deg, phi_deg : array-like, shape (...)
+        Pitch and roll, (17).
+    gamma_deg : array-like, shape (...)
+        Declination, west positive; 0 leaves the azimuth magnetic, (24).
+
+    Examples
+    --------
+    >>> X, Y, Z = ned_from_body(123.0, 20.0, -35.0).T @ [0.5, 0.0, 0.75**0.5]
+    >>> round(float(cho_park_azimuth_deg(X, Y, Z, theta_deg=20.0, phi_deg=-35.0)), 9)
+    123.0
+    """
+    X, Y, Z = (np.asarray(value, dtype=float) for value in (X, Y, Z))
+    theta, phi = np.deg2rad(theta_deg), np.deg2rad(phi_deg)
+    lateral = Y * np.sin(theta) * np.sin(phi) + Z * np.sin(theta) * np.cos(phi)
+    a = X * np.cos(theta) + lateral
+    b = -Y * np.cos(phi) + Z * np.sin(phi)
+    return wrap_360_deg(np.rad2deg(np.arctan2(b, a)) - np.asarray(gamma_deg, dtype=float))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from bench.pose import Attitude
 from bench.rig import Rig
 from bench.sample_log import SampleLog
 from bench.samples import COMPLETE, READING, reading_of
+from bench.travel import RIG_PROFILE, AxisProfile
 from devices.accelerometer import Accelerometer
 from devices.bridge import BridgeParameters
 from devices.coefficient_store import CoefficientStore
@@ -30,7 +32,7 @@ from protocols.j1939 import MODULE_ADDRESS
 from protocols.link import Wire
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -43,10 +45,10 @@ SERIAL: Final = "PAPER"
 class VirtualLaboratory:
     """Rig and module clients on an open bus, homed; see `bench.reproduction.laboratory`."""
 
-    def __init__(self, bus: BenchBus) -> None:
+    def __init__(self, bus: BenchBus, profiles: Mapping[str, AxisProfile] = RIG_PROFILE) -> None:
         self._bus = bus
         self.module = Module(bus)
-        self.rig = Rig(bus)
+        self.rig = Rig(bus, profiles=profiles)
         self._samples = SampleLog(None, self.module, self.rig)
         self._position = 0
         self.module.wait_ready(5.0)
@@ -99,10 +101,16 @@ def open_laboratory(setup: Setup) -> Iterator[VirtualLaboratory]:
     wire.add_server(_host(setup, device_link).serve)
     bus = BenchBus(link, SimulatedClock())
     try:
-        yield VirtualLaboratory(bus)
+        yield VirtualLaboratory(bus, _profiles(setup))
     finally:
         bus.close()
         device_link.close()
+
+
+def _profiles(setup: Setup) -> dict[str, AxisProfile]:
+    azimuth = RIG_PROFILE["azimuth"]
+    gentle = replace(azimuth, acceleration_dps2=setup.azimuth_acceleration_dps2)
+    return {**RIG_PROFILE, "azimuth": gentle}
 
 
 def _host(setup: Setup, link: WirePort) -> Host:
@@ -154,6 +162,7 @@ def _unit(setup: Setup) -> ModuleUnit:
     return ModuleUnit(
         serial=SERIAL,
         seed=setup.seed,
+        part=setup.part,
         bridges=(x, y, z),
         magnetics=Magnetics(soft_iron=(a, b, c, d, e, f, g, h, i), hard_iron_mg=setup.hard_iron_mg),
         accelerometer=Accelerometer(bias_g=setup.accel_bias_g, noise_g=setup.accel_noise_g),

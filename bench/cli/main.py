@@ -73,6 +73,7 @@ def simulate(  # noqa: PLR0913 - one parameter an option of the command line
     serial: Annotated[
         str, typer.Option("--serial", help="Serial number of the virtual unit.")
     ] = "SN0001",
+    part: options.Part = "CB-AMR3",
     site: options.Site = None,
     seed: options.Seed = 1,
     faults: options.Faults = None,
@@ -120,6 +121,13 @@ def fit(
     holdout: Annotated[
         str, typer.Option("--holdout", help="blocks: judge on rows not fitted; none.")
     ] = "blocks",
+    order: Annotated[
+        str,
+        typer.Option(
+            "--order",
+            help="Order of compensation: body; for study soft_first, tilt_first, tilt_reversed.",
+        ),
+    ] = "body",
     declination: Annotated[
         float,
         typer.Option("--declination", help="East declination in deg, where headings are true."),
@@ -136,6 +144,7 @@ def fit(
             method=method,
             unit=unit,
             holdout=holdout,
+            order=order,
             declination_deg=declination,
             json=json,
         )
@@ -206,6 +215,24 @@ def report(folder: RunFolder) -> None:
     from bench.cli.record_commands import write_report
 
     raise typer.Exit(write_report(folder))
+
+
+@app.command()
+def reproduce(
+    paper: Annotated[
+        str | None, typer.Argument(help="cho_park, skula, caruso or konvalin; all if left out.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="Folder for README.md, results.json and the figures (SVG)."),
+    ] = None,
+    *,
+    json: options.Json = False,
+) -> None:
+    """Reproduce the papers' tables and figures; exit 1 if a number does not hold."""
+    from bench.cli.reproduce_command import reproduce_papers
+
+    raise typer.Exit(reproduce_papers(paper, json=json, out=out))
 
 
 @app.command()

@@ -33,6 +33,10 @@ Serial = Annotated[
     str | None, typer.Option("--serial", help="Serial number scanned from the unit.")
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the virtual devices.")]
+Part = Annotated[
+    str,
+    typer.Option("--part", help="Part number of the virtual unit: CB-AMR3 (three axes), CB-AMR2."),
+]
 Faults = Annotated[
     list[str] | None,
     typer.Option(

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json as json_module
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from bench.limit_set import load_limits
-from bench.plan import expected_load_percent, plan_of, predictions, require_load
-from bench.procedure_loader import load_procedure, procedure_path
-from bench.station import load_station
+from bench.plan import (
+    LEVEL_ONLY,
+    expected_load_percent,
+    predictions,
+    require_load,
+    require_observable,
+)
+from bench.run_files import load_run_files
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,27 +34,28 @@ def show_plan(
     Raises
     ------
     ConfigError
-        If a file cannot be used, a limit is missing, a pose cannot be reached or the bus
-        would be too busy.
+        If a file cannot be used, a limit is missing, a pose cannot be reached, the bus would be
+        too busy or, after the plan is printed, if the poses suffice for no judged method.
     """
-    loaded = load_procedure(procedure)
-    beside = procedure_path(procedure).parent
-    chosen = load_limits(str(limits)) if limits else load_limits(loaded.limits, beside=beside)
-    chosen.require(loaded.measured())
-    station = load_station(str(site)) if site else load_station(loaded.station, beside=beside)
-    plan = plan_of(loaded)
-    load_percent = expected_load_percent(with_rig=loaded.uses_rig, bitrate=bitrate)
+    files = load_run_files(procedure, site=site, limits=limits)
+    plan = files.plan
+    load_percent = expected_load_percent(with_rig=files.procedure.uses_rig, bitrate=bitrate)
     require_load(load_percent)
-    predicted = predictions(loaded, station)
+    predicted = predictions(files.procedure, files.station)
     if json:
         document = asdict(plan) | {
             "bus_load_worst_percent": load_percent,
-            "predictions": [asdict(prediction) for prediction in predicted],
+            "predictions": [_entry(prediction) for prediction in predicted],
         }
         typer.echo(json_module.dumps(document, indent=1))
-        return 0
-    _print_plan(plan, load_percent, predicted)
+    else:
+        _print_plan(plan, load_percent, predicted)
+    require_observable(files.procedure, predicted)
     return 0
+
+
+def _entry(prediction: Prediction) -> dict[str, Any]:
+    return {**asdict(prediction), "level_only": prediction.method in LEVEL_ONLY}
 
 
 def _print_plan(plan: Plan, load_percent: float, predicted: list[Prediction]) -> None:
@@ -88,11 +93,12 @@ def _prediction_table(predicted: list[Prediction]) -> Table:
     table = Table("method", "rank", "condition", "heading error to expect (rms, max)", "remark")
     for one in predicted:
         rms, largest = one.predicted_heading_rms_deg, one.predicted_heading_max_deg
+        where = ", level only" if one.method in LEVEL_ONLY else ""
         table.add_row(
             one.method,
             "" if one.rank is None else str(one.rank),
             "" if one.condition is None else f"{one.condition:.0f}",
-            "" if rms is None or largest is None else f"{rms:.3f} deg, {largest:.3f} deg",
-            "" if one.cause is None else one.message,
+            "" if rms is None or largest is None else f"{rms:.3f} deg, {largest:.3f} deg{where}",
+            one.message,
         )
     return table

@@ -86,10 +86,16 @@ def fit_recording(
     method: str,
     unit: str | None,
     holdout: str,
+    order: str,
     declination_deg: float,
     json: bool,
 ) -> int:
     """Fit a recording and print the result; return 1 where no method accepted the data.
+
+    Parameters
+    ----------
+    method, holdout, order : str
+        As `fit_report` takes them.
 
     Raises
     ------
@@ -101,14 +107,14 @@ def fit_recording(
         raise ConfigError(message)
     data = _data(read_recording(path, unit=unit), declination_deg)
     try:
-        report = fit_report(data, method, holdout)
+        report = fit_report(data, method, holdout, order)
     except ValueError as error:
         raise ConfigError(str(error)) from error
     results = report["ranking"] if method == ALL else [report]
     if json:
         typer.echo(json_module.dumps(report, indent=1, allow_nan=False))
     else:
-        _print_fits(results)
+        _print_fits(results, report)
     return int(all(result["cause"] is not None for result in results))
 
 
@@ -127,29 +133,54 @@ def _data(recording: Recording, declination_deg: float) -> CalibrationData:
     )
 
 
-def _print_fits(results: list[dict[str, Any]]) -> None:
+def _print_fits(results: list[dict[str, Any]], report: dict[str, Any]) -> None:
     console = Console(highlight=False)
-    console.width = max(console.width, 110)
+    console.width = max(console.width, 130)
     table = Table(
-        "method", "samples", "residual (mG)", "coverage", "heading error after (rms, max)", "remark"
-    )
+        "method", "samples", "residual (mG)", "level rms, max (deg)", "tilted rms, max (deg)",
+        "tilt from", "remark",
+    )  # fmt: skip
+    if "raw" in report:
+        table.add_row("raw", "", "", *_errors(report["raw"]), "raw", "no coefficients")
     for result in results:
-        after = (result.get("heading_error_deg") or {}).get("after")
+        refused = result["cause"] is not None
+        achieved = (result.get("orders") or {}).get(result["order"])
         table.add_row(
             result["method"],
             str(result["samples"]),
             _text(result["residual_rms"]),
-            _text(result["coverage"]),
-            f"{after['rms']:.2f} deg, {after['max']:.2f} deg" if after else "",
-            ""
-            if result["cause"] is None
-            else f"refused: {result.get('message') or result['cause']}",
+            *_errors(achieved),
+            result["tilt_from"] or "",
+            f"refused: {result['message']}" if refused else _order_text(result["order"]),
         )
     console.print(table)
     for result in results:
         if result["cause"] is None and len(results) == 1:
-            console.print(f"offset (mG)  {np.round(result['offset'], 3).tolist()}")
-            console.print(f"matrix       {np.round(result['matrix'], 6).tolist()}")
+            _print_coefficients(console, result)
+
+
+def _print_coefficients(console: Console, result: dict[str, Any]) -> None:
+    console.print(f"offset (mG)  {np.round(result['offset'], 3).tolist()}")
+    console.print(f"matrix       {np.round(result['matrix'], 6).tolist()}")
+    if result["extended_dip_deg"] is not None:
+        console.print(f"extended dip {result['extended_dip_deg']:.3f} deg")
+
+
+def _order_text(order: str) -> str:
+    return "" if order == "body" else f"order {order}"
+
+
+def _errors(achieved: dict[str, Any] | None) -> tuple[str, str]:
+    if achieved is None:
+        return "", ""
+    level, tilt = (
+        (achieved[f"{rows}_rms_deg"], achieved[f"{rows}_max_deg"]) for rows in ("level", "tilt")
+    )
+    return _pair(*level), _pair(*tilt)
+
+
+def _pair(rms_deg: float | None, max_deg: float | None) -> str:
+    return "" if rms_deg is None else f"{rms_deg:.2f}, {max_deg:.2f}"
 
 
 def _text(value: float | None) -> str:

@@ -10,6 +10,7 @@ from bench.bus import BenchBus, detect_mode
 from bench.cli.bus_options import is_in_process, open_link
 from bench.errors import ConfigError
 from protocols.clock import MonotonicClock, SimulatedClock
+from protocols.compass import PART_THREE_AXIS, PARTS
 from protocols.link import Wire
 from protocols.sync import TICK_S
 
@@ -37,8 +38,19 @@ class RunBus:
             close()
 
 
-def connect(request: RunRequest, serial: str, station: Station) -> RunBus:
+def connect(request: RunRequest, serial: str, station: Station, part: str | None = None) -> RunBus:
     """Open the bus of a run.
+
+    Parameters
+    ----------
+    request : RunRequest
+    serial : str
+        Serial number of the unit; a virtual one has it.
+    station : Station
+        Site of the virtual devices.
+    part : str, optional
+        Part number that the procedure asks for. Virtual devices are made of it where there is
+        such a part; else the unit has three axes, and the procedure finds the wrong part.
 
     Raises
     ------
@@ -48,7 +60,7 @@ def connect(request: RunRequest, serial: str, station: Station) -> RunBus:
         If a channel cannot be opened.
     """
     if is_in_process(request.interface, request.channel):
-        run_bus = _with_virtual_devices(request, serial, station)
+        run_bus = _with_virtual_devices(request, serial, station, part)
     else:
         run_bus = _on_channel(request)
     if request.realtime and isinstance(run_bus.clock, SimulatedClock):
@@ -56,12 +68,15 @@ def connect(request: RunRequest, serial: str, station: Station) -> RunBus:
     return run_bus
 
 
-def _with_virtual_devices(request: RunRequest, serial: str, station: Station) -> RunBus:
+def _with_virtual_devices(
+    request: RunRequest, serial: str, station: Station, part: str | None
+) -> RunBus:
     from bench.cli.simulate_command import refused, simulator_options
     from devices.simulator import build_host
 
     options = simulator_options(
         serial=serial,
+        part=part if part in PARTS else PART_THREE_AXIS,
         seed=request.seed,
         faults=request.faults,
         nvm=request.nvm,

@@ -20,27 +20,22 @@ from bench.cli.console import ConsoleProgress, print_verdict
 from bench.cli.run_bus import RunBus, connect
 from bench.errors import Aborted, BenchError, BusFault, ConfigError, ModuleSilent
 from bench.executor import FAULT_NAMES, OTHER_FAULT, execute
-from bench.limit_set import load_limits
 from bench.module import Module
 from bench.pairing import LatencyEstimate
-from bench.plan import plan_of
-from bench.procedure_loader import load_procedure, procedure_path
+from bench.procedure_loader import procedure_path
 from bench.record.recorder import RunRecorder
 from bench.rig import Rig
 from bench.run_context import RunContext
+from bench.run_files import RunFiles, load_run_files
 from bench.sample_log import SampleLog
 from bench.signals import SignalWatch
 from bench.software import config_files, require_own_names, software_section
-from bench.station import check_model_gate, load_station
 from bench.traffic import Traffic
 from protocols.clock import MonotonicClock, SimulatedClock
 
 if TYPE_CHECKING:
     from bench.acceptance.verdict import Verdict
     from bench.bus import BenchBus
-    from bench.limit_set import LimitSet
-    from bench.procedure import Procedure
-    from bench.station import Station
 
 SERIAL_PATTERN: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,31}")
 
@@ -72,15 +67,6 @@ class RunRequest:
     quiet: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunFiles:
-    """The files that a run is held against."""
-
-    procedure: Procedure
-    limits: LimitSet
-    station: Station
-
-
 def run_procedure(request: RunRequest) -> int:
     """Run a procedure, print its verdict and return the exit code.
 
@@ -94,10 +80,10 @@ def run_procedure(request: RunRequest) -> int:
         If the record cannot be written.
     """
     require_own_names()
-    files = _files(request)
+    files = load_run_files(request.procedure, site=request.site, limits=request.limits)
     serial = _serial(request)
     try:
-        run_bus = connect(request, serial, files.station)
+        run_bus = connect(request, serial, files.station, files.procedure.part)
     except (ModuleSilent, BusFault) as fault:
         return _not_started(request, serial, files, fault)
     cancel = run_bus.bus.cancel
@@ -130,41 +116,6 @@ def _show(request: RunRequest, serial: str, recorder: RunRecorder, verdict: Verd
         typer.echo(json_module.dumps(recorder.record, indent=1, allow_nan=False))
     elif not request.quiet:
         print_verdict(verdict, serial, recorder.folder)
-
-
-def _files(request: RunRequest) -> RunFiles:
-    procedure = load_procedure(request.procedure)
-    beside = procedure_path(request.procedure).parent
-    limits = (
-        load_limits(str(request.limits))
-        if request.limits
-        else load_limits(procedure.limits, beside=beside)
-    )
-    station = (
-        load_station(str(request.site))
-        if request.site
-        else load_station(procedure.station, beside=beside)
-    )
-    _check_site(station)
-    limits.require(procedure.measured())
-    plan_of(procedure)  # a pose that cannot be reached is found before anything moves
-    return RunFiles(procedure=procedure, limits=limits, station=station)
-
-
-def _check_site(station: Station) -> None:
-    """Hold the station's field against the World Magnetic Model, where it names its place."""
-    gate = station.model_gate
-    if gate is None:
-        return
-    from bench.calibration.geomagnetic import decimal_year, earth_field
-
-    try:
-        year = decimal_year(gate.date)
-        model = earth_field(gate.latitude, gate.longitude, gate.altitude / 1000.0, year)
-    except ValueError as error:
-        message = f"{station.path}: model_gate cannot be used: {error}"
-        raise ConfigError(message) from error
-    check_model_gate(station, model.horizontal_mg, model.dip_deg)
 
 
 def _serial(request: RunRequest) -> str:

@@ -13,6 +13,7 @@ from bench.errors import ConfigError
 from bench.station import load_station
 from devices.simulator import SimulatorOptions, simulate
 from protocols.clock import MonotonicClock
+from protocols.compass import PART_THREE_AXIS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,6 +29,7 @@ class SimulateRequest:
     channel: str | None
     bitrate: int
     serial: str
+    part: str = PART_THREE_AXIS
     site: Path | None
     seed: int
     faults: tuple[str, ...]
@@ -40,6 +42,7 @@ class SimulateRequest:
 def simulator_options(
     *,
     serial: str,
+    part: str,
     seed: int,
     faults: tuple[str, ...],
     nvm: Path | None,
@@ -51,7 +54,7 @@ def simulator_options(
     Raises
     ------
     ConfigError
-        If a fault does not exist, or the memory's file cannot be one.
+        If a part or a fault does not exist, or the memory's file cannot be one.
     """
     if nvm is not None and (not nvm.parent.is_dir() or (nvm.exists() and not nvm.is_file())):
         message = f"--nvm must be a file in a folder that exists; instead received {nvm}"
@@ -59,6 +62,7 @@ def simulator_options(
     try:
         return SimulatorOptions(
             serial=serial,
+            part=part,
             seed=seed,
             faults=faults,
             nvm=nvm,
@@ -93,6 +97,7 @@ def simulate_devices(request: SimulateRequest) -> int:
         raise ConfigError(message)
     options = simulator_options(
         serial=request.serial,
+        part=request.part,
         seed=request.seed,
         faults=request.faults,
         nvm=request.nvm,
@@ -103,7 +108,7 @@ def simulate_devices(request: SimulateRequest) -> int:
     link = open_link(request.interface, request.channel, request.bitrate, clock)
     ended: list[int] = []
     typer.echo(
-        f"virtual rig and module {request.serial} (seed {request.seed}) on "
+        f"virtual rig and module {request.serial} ({request.part}, seed {request.seed}) on "
         f"{request.interface} {request.channel or ''}, "
         f"{'on their own clocks' if request.free_running else 'in lock-step'}; end with Ctrl-C",
         err=True,

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
+from bench.record.svg import circle, diamond, frame, line, polyline, words
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import Any
@@ -57,21 +59,21 @@ def heading_error_chart(
     parts = [*_heading_axes(x_of, y_of, top, step), *_bands(bands, y_of)]
     parts += _curve(points, x_of, y_of)
     parts += [_mark(p, x_of(p.heading_deg), y_of(p.error_deg)) for p in points]
-    return _svg(_WIDTH, _HEIGHT, title, parts)
+    return frame(_WIDTH, _HEIGHT, title, parts)
 
 
 def _heading_axes(x_of: Any, y_of: Any, top: float, step: float) -> list[str]:
     parts = []
     for heading in range(0, 361, 45):
         x = x_of(heading)
-        parts.append(_line(x, _TOP, x, _HEIGHT - _BOTTOM, "grid"))
-        parts.append(_text(x, _HEIGHT - _BOTTOM + 14, f"{heading}", "middle"))
+        parts.append(line(x, _TOP, x, _HEIGHT - _BOTTOM, "grid"))
+        parts.append(words(x, _HEIGHT - _BOTTOM + 14, f"{heading}", "middle"))
     for index in range(-round(top / step), round(top / step) + 1):
         value = index * step
         y = y_of(value)
-        parts.append(_line(_LEFT, y, _WIDTH - _RIGHT, y, "zero" if index == 0 else "grid"))
-        parts.append(_text(_LEFT - 6, y + 3.5, f"{value:g}", "end"))
-    parts.append(_text((_LEFT + _WIDTH) / 2, _HEIGHT - 4, "magnetic heading, deg", "middle"))
+        parts.append(line(_LEFT, y, _WIDTH - _RIGHT, y, "zero" if index == 0 else "grid"))
+        parts.append(words(_LEFT - 6, y + 3.5, f"{value:g}", "end"))
+    parts.append(words((_LEFT + _WIDTH) / 2, _HEIGHT - 4, "magnetic heading, deg", "middle"))
     middle = (_TOP + _HEIGHT - _BOTTOM) / 2
     parts.append(
         f'<text transform="translate(12 {middle:.1f}) rotate(-90)" text-anchor="middle">'
@@ -85,7 +87,7 @@ def _bands(bands: Sequence[Band], y_of: Any) -> list[str]:
     for band in bands:
         for sign in (1.0, -1.0):
             y = y_of(sign * band.limit_deg)
-            parts.append(_line(_LEFT, y, _WIDTH - _RIGHT, y, f"limit {band.name}"))
+            parts.append(line(_LEFT, y, _WIDTH - _RIGHT, y, f"limit {band.name}"))
             inner = y_of(sign * (band.limit_deg - band.guard_deg))
             parts.append(
                 f'<rect class="guard" x="{_LEFT:.1f}" width="{_WIDTH - _LEFT - _RIGHT:.1f}" '
@@ -96,7 +98,7 @@ def _bands(bands: Sequence[Band], y_of: Any) -> list[str]:
     if len(heights) > 1 and abs(heights[0] - heights[1]) < LABEL_ROOM:
         heights, labels = [min(heights) - LABEL_ROOM - 3.0], [", ".join(labels)]
     for y, label in zip(heights, labels, strict=True):
-        parts.append(_text(_WIDTH - _RIGHT - 4, y + 11, label, "end", "limit-label"))
+        parts.append(words(_WIDTH - _RIGHT - 4, y + 11, label, "end", "limit-label"))
     return parts
 
 
@@ -108,18 +110,17 @@ def _curve(points: Sequence[HeadingPoint], x_of: Any, y_of: Any) -> list[str]:
             key=lambda p: p.heading_deg,
         )
         if len(row) > 2:
-            path = " ".join(f"{x_of(p.heading_deg):.1f},{y_of(p.error_deg):.1f}" for p in row)
-            parts.append(f'<polyline class="curve" points="{path}"/>')
+            path = [(x_of(p.heading_deg), y_of(p.error_deg)) for p in row]
+            parts.append(polyline(path, "curve"))
     return parts
 
 
 def _mark(point: HeadingPoint, x: float, y: float) -> str:
     where = "level" if point.level else "tilted"
-    tip = f"<title>{where}, {point.heading_deg:.1f} deg: {point.error_deg:+.3f} deg</title>"
+    tip = f"{where}, {point.heading_deg:.1f} deg: {point.error_deg:+.3f} deg"
     if not point.level:
-        return f'<path class="mark tilted" d="M{x:.1f} {y - 4:.1f}l4 4-4 4-4-4z">{tip}</path>'
-    kind = "counter" if point.direction < 0 else "level"
-    return f'<circle class="mark {kind}" cx="{x:.1f}" cy="{y:.1f}" r="3">{tip}</circle>'
+        return diamond(x, y, 4, "mark tilted", tip)
+    return circle(x, y, 3, "mark counter" if point.direction < 0 else "mark level", tip)
 
 
 def xy_chart(
@@ -140,20 +141,17 @@ def xy_chart(
     parts = []
     for index in range(-int(top / step), int(top / step) + 1):
         style = "zero" if index == 0 else "grid"
-        parts.append(_line(at(index * step), 0.0, at(index * step), size, style))
-        parts.append(_line(0.0, at(index * step), size, at(index * step), style))
-        if index:
-            parts.append(_text(at(index * step), size / 2 + 12, f"{index * step:g}", "middle"))
+        parts.append(line(at(index * step), 0.0, at(index * step), size, style))
+        parts.append(line(0.0, at(index * step), size, at(index * step), style))
+        if index and 14.0 < at(index * step) < size - 14.0:
+            parts.append(words(at(index * step), size / 2 + 12, f"{index * step:g}", "middle"))
     radius = at(horizontal_mg) - at(0.0)
-    parts.append(f'<circle class="truth" cx="{size / 2}" cy="{size / 2}" r="{radius:.1f}"/>')
+    parts.append(circle(size / 2, size / 2, round(radius, 1), "truth"))
     for style, rows in (("raw", raw_xy_mg), ("level", corrected_xy_mg)):
-        parts += [
-            f'<circle class="mark {style}" cx="{at(y):.1f}" cy="{size - at(x):.1f}" r="2.6"/>'
-            for x, y in rows
-        ]
-    parts.append(_text(size - 4, size / 2 - 5, "y, mG", "end"))
-    parts.append(_text(size / 2 + 5, 11, "x, mG", "start"))
-    return _svg(size, size, title, parts)
+        parts += [circle(at(y), size - at(x), 2.6, f"mark {style}") for x, y in rows]
+    parts.append(words(size - 4, size / 2 - 5, "y, mG", "end"))
+    parts.append(words(size / 2 + 5, 11, "x, mG", "start"))
+    return frame(size, size, title, parts)
 
 
 def limit_bar(entry: Mapping[str, Any]) -> Markup:
@@ -179,13 +177,13 @@ def limit_bar(entry: Mapping[str, Any]) -> Markup:
         _span("guard", x_of(inside_low), x_of(inside_high)),
         _span("inside", left, max(left, right)),
     ]
-    parts += [_line(x_of(v), 2.0, x_of(v), 14.0, "edge") for v in (low, high) if v is not None]
+    parts += [line(x_of(v), 2.0, x_of(v), 14.0, "edge") for v in (low, high) if v is not None]
     spread = entry["uncertainty"] or 0.0
     if spread:
-        parts.append(_line(x_of(value - spread), 8.0, x_of(value + spread), 8.0, "spread"))
+        parts.append(line(x_of(value - spread), 8.0, x_of(value + spread), 8.0, "spread"))
     outcome = str(entry["outcome"] or "").lower()
     parts.append(_pointer(x_of(value), bottom <= value <= top, value > bottom, outcome))
-    return _svg(width, height, f"{entry['name']} against its limits", parts, "bar")
+    return frame(width, height, f"{entry['name']} against its limits", parts, "bar")
 
 
 def _pointer(x: float, visible: bool, above: bool, outcome: str) -> str:
@@ -210,20 +208,3 @@ def _bar_range(low: float | None, high: float | None, value: float) -> tuple[flo
 def _span(style: str, left: float, right: float) -> str:
     width = max(right - left, 0.0)
     return f'<rect class="{style}" x="{left:.1f}" y="5" width="{width:.1f}" height="6"/>'
-
-
-def _line(x1: float, y1: float, x2: float, y2: float, style: str) -> str:
-    return f'<line class="{style}" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
-
-
-def _text(x: float, y: float, text: str, anchor: str, style: str = "") -> str:
-    kind = f' class="{style}"' if style else ""
-    return f'<text{kind} x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{text}</text>'
-
-
-def _svg(
-    width: float, height: float, title: str, parts: Sequence[str], style: str = "chart"
-) -> Markup:
-    opening = f'<svg class="{style}" viewBox="0 0 {width:g} {height:g}" role="img" '
-    label = Markup.escape(title)
-    return Markup(f'{opening}aria-label="{label}">{"".join(parts)}</svg>')  # noqa: S704

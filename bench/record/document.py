@@ -173,6 +173,7 @@ class FitEntry(_Strict):
     accel_matrix: Matrix | None
     field_mg: float | None
     dip_deg: float | None
+    extended_dip_deg: float | None = None
     parameters: list[str]
     covariance: list[list[float | None]] | None
     residual_rms_mg: float | None
@@ -186,6 +187,17 @@ class FitEntry(_Strict):
     predicted_heading_max_deg: float | None
     extra: dict[str, float | None]
     achieved: AchievedHeading
+
+
+class StudySection(_Strict):
+    """All methods on the verification poses: raw readings beside each method in each order.
+
+    `tilt_from` says whose accelerometer coefficients a method used (`ranking.Study`).
+    """
+
+    raw: AchievedHeading = AchievedHeading()
+    tilt_from: dict[str, str] = {}
+    orders: dict[str, dict[str, AchievedHeading]] = {}
 
 
 class VerdictSection(_Strict):
@@ -213,6 +225,7 @@ class RecordDocument(_Strict):
     measurements: list[MeasurementEntry]
     fits: list[FitEntry]
     ranking: list[Any]
+    study: StudySection = StudySection()
     coefficients: dict[str, Any]
     deviation: dict[str, dict[str, Any]]
     first_failure: str | None

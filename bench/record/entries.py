@@ -141,6 +141,9 @@ def coefficients_of(entry: Mapping[str, Any]) -> Coefficients:
             mag_matrix=_flat(entry["mag_matrix"]),
             accel_offset_g=_flat(entry["accel_offset_g"]),
             accel_matrix=_flat(entry["accel_matrix"]),
+            # records of before the two-axis module do not name them
+            extended_dip_deg=float(entry.get("extended_dip_deg", 0.0)),
+            horizontal_mg=float(entry.get("horizontal_mg", 0.0)),
         )
     except (KeyError, TypeError, ValueError) as error:
         message = f"coefficients of the record must be a whole set; instead {error} is wrong there"

@@ -340,6 +340,7 @@ def _empty_record(run: Mapping[str, object]) -> dict[str, Any]:
         "run": dict(run),
         **{name: {} for name in sections},
         **{name: [] for name in rows},
+        "study": {},
         "coefficients": {},
         "deviation": {},
         "first_failure": None,

@@ -15,7 +15,10 @@ from bench.acceptance.verdict import last_attempts
 from bench.record.charts import Band, heading_error_chart, limit_bar, xy_chart
 from bench.record.document import RecordDocument, read_record
 from bench.record.entries import measurement_entry, measurement_of
+from bench.record.method_section import method_section
+from bench.record.method_study import method_words
 from bench.record.swing import swing_of
+from protocols.compass import PART_TWO_AXIS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -78,6 +81,7 @@ def report_of(run_dir: Path, record: Mapping[str, Any]) -> str:
     )
     swing = swing_of(run_dir, record)
     rows = report_rows(record)
+    bands = _bands(rows)
     missed = [row for row in rows if row["outcome"] in (Outcome.FAIL, Outcome.ERROR)]
     close = [row for row in rows if row["outcome"] == Outcome.MARGINAL]
     verdict = record["verdict"] or _VERDICT_OF_NONE
@@ -90,10 +94,11 @@ def report_of(run_dir: Path, record: Mapping[str, Any]) -> str:
         judged=sum(row["limited"] for row in rows),
         attention=sorted(missed, key=lambda r: r["name"] != record["first_failure"]) + close,
         steps=list(dict.fromkeys(row["step"] for row in rows)),
-        charts=_charts(swing, record, rows),
-        best=_best_first(record),
+        charts=_charts(swing, record, bands),
+        computed_by=method_words(swing.compensated_by) if swing.compensated_by else "",
         shown=_headlines(rows),
-        written_method=_written_method(record),
+        two_axis=record["module"].get("part") == PART_TWO_AXIS,
+        **method_section(swing, record, {band.name: band.limit_deg for band in bands}),
         repeated=[entry for entry in record["steps"] if entry["attempt"] > 1],
     )
 
@@ -110,15 +115,17 @@ def report_rows(record: Mapping[str, Any]) -> list[dict[str, Any]]:
     return rows
 
 
-def _charts(
-    swing: Swing, record: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]
-) -> dict[str, Any]:
-    by_name = {row["name"]: row for row in rows}
-    bands = [
+def _bands(rows: Sequence[Mapping[str, Any]]) -> list[Band]:
+    """Return the limits of the heading on verification poses, level and tilted."""
+    by_name = {row["name"].removeprefix("achieved_"): row for row in rows}
+    return [
         Band(limit_deg=row["high"], guard_deg=row["guard_band"] or 0.0, name=name)
         for name, row in (("level", by_name.get("level_max")), ("tilted", by_name.get("tilt_max")))
         if row is not None and row["high"] is not None
     ]
+
+
+def _charts(swing: Swing, record: Mapping[str, Any], bands: Sequence[Band]) -> dict[str, Any]:
     charts: dict[str, Any] = {"raw": None, "compensated": None, "xy": None}
     if swing.raw:
         charts["raw"] = heading_error_chart(swing.raw, [], "Heading error before calibration")
@@ -128,7 +135,7 @@ def _charts(
         )
     if swing.compensated:
         charts["compensated"] = heading_error_chart(
-            swing.compensated, bands, "Heading error of the module after calibration"
+            swing.compensated, bands, "Heading error after calibration"
         )
     return charts
 
@@ -136,27 +143,8 @@ def _charts(
 def _headlines(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """Return the figures that a reader looks for first."""
     names = ("level_max", "level_rms", "tilt_max", "tilt_rms", "repeatability")
-    by_name = {row["name"]: row for row in rows}
+    by_name = {row["name"].removeprefix("achieved_"): row for row in rows}
     return [by_name[name] for name in names if name in by_name]
-
-
-def _written_method(record: Mapping[str, Any]) -> str | None:
-    """Return the method whose coefficients were judged and written, if any were."""
-    if not record["coefficients"].get("written"):
-        return None
-    notes = [e["note"] for e in record["measurements"] if e["name"] == "fit_accepted"]
-    return str(notes[-1]).split(":")[0] if notes else None
-
-
-def _best_first(record: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the fits by what they achieved on the verification poses, refused ones last."""
-
-    def badness(fit: Mapping[str, Any]) -> tuple[bool, float]:
-        achieved = fit["achieved"]
-        maxima = [achieved[k] for k in ("level_max_deg", "tilt_max_deg") if achieved[k] is not None]
-        return fit["cause"] is not None, max(maxima, default=float("inf"))
-
-    return sorted(record["fits"], key=badness)
 
 
 def number(value: float | None, digits: int = 3) -> str:

@@ -1,4 +1,4 @@
-"""What the report draws: headings before and after, from the samples in the run's folder."""
+"""What the report draws: headings before and after, and of every method, from the samples."""
 
 from __future__ import annotations
 
@@ -13,8 +13,14 @@ from bench.acceptance.site import (
     is_level,
     reference_heading_deg,
 )
-from bench.calibration.tilt import tilt_compensated_heading_deg
+from bench.calibration.ranking import RAW
 from bench.record.entries import coefficients_of
+from bench.record.recorded_fits import (
+    VERIFIED_KINDS,
+    judged_method,
+    recorded_fits,
+    step_positions,
+)
 from bench.samples import readings_of
 
 if TYPE_CHECKING:
@@ -23,8 +29,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-RAW_KINDS = ("sweep",)
-VERIFIED_KINDS = ("verify",)
+    from bench.calibration.fit import Fit
+
+RAW_KINDS = ("sweep", "poses")
+WRITTEN_KINDS = ("verify",)
+"""Kinds of steps in which the module sends its heading with the new coefficients."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,12 +48,22 @@ class HeadingPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Swing:
-    """Heading errors and level field readings before and after the calibration."""
+    """Heading errors and level field readings before and after the calibration.
+
+    Attributes
+    ----------
+    compensated_by : str
+        Method whose heading the bench computed; empty where it is the module's own.
+    methods : dict
+        Level verification poses, first of the raw readings, then of each method.
+    """
 
     raw: list[HeadingPoint] = field(default_factory=list)
     compensated: list[HeadingPoint] = field(default_factory=list)
+    compensated_by: str = ""
     raw_xy_mg: list[tuple[float, float]] = field(default_factory=list)
     corrected_xy_mg: list[tuple[float, float]] = field(default_factory=list)
+    methods: dict[str, list[HeadingPoint]] = field(default_factory=dict)
 
 
 def site_of(record: Mapping[str, Any]) -> SimpleNamespace | None:
@@ -65,31 +84,49 @@ def swing_of(run_dir: Path, record: Mapping[str, Any]) -> Swing:
     from bench.sample_file import read_samples
 
     readings = readings_of(read_samples(path))
+    fits = recorded_fits(record)
+    judged = judged_method(record) or ""
     raw = _of_kinds(readings, record, RAW_KINDS)
     raw = raw[is_level(raw)]
+    sent = _of_kinds(readings, record, WRITTEN_KINDS)
     verified = _of_kinds(readings, record, VERIFIED_KINDS)
-    swing = Swing()
-    if len(raw):
-        heading_deg = tilt_compensated_heading_deg(raw["field_mg"], raw["accel_g"])
-        swing.raw.extend(_points(heading_deg, raw, record, site))
-        swing.raw_xy_mg.extend(_xy(raw["field_mg"]))
-        written = record["coefficients"].get("written")
-        if written:
-            coefficients = coefficients_of(written)
-            matrix = np.reshape(coefficients.mag_matrix, (3, 3))
-            corrected = (raw["field_mg"] - np.array(coefficients.mag_offset_mg)) @ matrix.T
-            swing.corrected_xy_mg.extend(_xy(corrected))
-    if len(verified):
-        swing.compensated.extend(_points(verified["heading_deg"], verified, record, site))
-    return swing
+    computed = not len(sent) and judged in fits.by_method
+    shown = verified if computed else sent
+    by_method = fits.headings_deg(verified)
+    level = is_level(verified)
+    return Swing(
+        raw=_points(fits.heading_deg(RAW, raw["field_mg"], raw), raw, record, site),
+        compensated=_points(
+            by_method[judged] if computed else sent["heading_deg"], shown, record, site
+        ),
+        compensated_by=judged if computed else "",
+        raw_xy_mg=_xy(raw["field_mg"]),
+        corrected_xy_mg=_corrected_xy(raw["field_mg"], record, fits.by_method.get(judged)),
+        methods={
+            method: _points(heading_deg[level], verified[level], record, site)
+            for method, heading_deg in by_method.items()
+        }
+        if level.any()
+        else {},
+    )
+
+
+def _corrected_xy(
+    field_mg: NDArray[np.float64], record: Mapping[str, Any], judged: Fit | None
+) -> list[tuple[float, float]]:
+    """Return the readings corrected as in the module, where nothing was written by the fit."""
+    written = record["coefficients"].get("written")
+    if written:
+        coefficients = coefficients_of(written)
+        matrix = np.reshape(coefficients.mag_matrix, (3, 3))
+        return _xy((field_mg - np.array(coefficients.mag_offset_mg)) @ matrix.T)
+    return [] if judged is None else _xy(judged.corrected_mg(field_mg))
 
 
 def _of_kinds(
     readings: NDArray[np.void], record: Mapping[str, Any], kinds: tuple[str, ...]
 ) -> NDArray[np.void]:
-    names = {entry["name"] for entry in record["steps"] if entry["kind"] in kinds}
-    positions = [entry["position"] for entry in record["poses"] if entry["step"] in names]
-    return readings[np.isin(readings["position"], positions)]
+    return readings[np.isin(readings["position"], step_positions(record, kinds))]
 
 
 def _points(

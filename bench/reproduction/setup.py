@@ -43,6 +43,9 @@ class Setup:
         turns with the azimuth only); the accelerometer reads it with gravity.
     azimuth_error_deg : float
         What the rig's azimuth encoder shows too much.
+    azimuth_acceleration_dps2 : float
+        Of the azimuth's moves, at most 180. The seat rings after a stop, by 0.03 deg at 180 and
+        in proportion below, which shakes out hysteresis; a gentle rig leaves it.
     seed : int
         Seed of every noise.
     """
@@ -69,4 +72,5 @@ class Setup:
     accel_noise_g: float = 0.0
     acceleration_level_g: Triple = (0.0, 0.0, 0.0)
     azimuth_error_deg: float = 0.0
+    azimuth_acceleration_dps2: float = 180.0
     seed: int = 1

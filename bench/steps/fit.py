@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from bench.calibration.fit import Cause
+from bench.calibration.method_names import MethodName
 from bench.steps.step import OnMiss, Step
 
 if TYPE_CHECKING:
     from bench.calibration.fit import CalibrationData, Fit
     from bench.run_context import RunContext
 
-Method = Literal["min_max", "ellipsoid", "accelerometer", "truth_aided"]
-
 FIT_NAMES = ("fit_accepted",)
 NOT_ENOUGH = frozenset(
     {
         Cause.TOO_FEW,
         Cause.NO_TURN,
+        Cause.POSITIONS_NOT_SQUARE,
         Cause.NOT_OBSERVABLE,
+        Cause.BLIND_AZIMUTH,
         Cause.TILT_TOO_SMALL,
         Cause.NO_ACCELERATION,
         Cause.NO_TRUTH,
+        Cause.NO_SET_RESET,
     }
 )
 """Causes for which a simpler method may be tried; for others the readings themselves are bad."""
@@ -37,6 +39,13 @@ TRUTH_NAMES = (
     "field_azimuth_difference",
     "dip_difference",
 )
+TWO_AXIS_NAMES = ("fit_residual", "dip_difference")
+REQUIRED: Final[dict[str, tuple[str, ...]]] = {
+    "truth_aided": TRUTH_NAMES,
+    "two_axis": TWO_AXIS_NAMES,
+    "two_axis_aided": TWO_AXIS_NAMES,
+}
+"""What each method tells beyond its acceptance and must tell where it is judged."""
 
 
 class FitMethods(Step):
@@ -44,10 +53,21 @@ class FitMethods(Step):
 
     kind: Literal["fit"]
     on_miss: OnMiss = "stop"
-    methods: Annotated[list[Method], Field(min_length=1)]
+    methods: Annotated[list[MethodName], Field(min_length=1)]
     """Methods to fit and rank, all on the same readings."""
-    judged: Annotated[list[Method], Field(min_length=1)]
+    judged: Annotated[list[MethodName], Field(min_length=1)]
     """Method that is judged; a further one is tried where the data are not enough for the first."""
+
+    @model_validator(mode="after")
+    def _judged_is_fitted(self) -> Self:
+        for name in self.judged:
+            if name not in self.methods:
+                message = (
+                    f"judged must name methods that are fitted ({', '.join(self.methods)}); "
+                    f"instead received {name}"
+                )
+                raise ValueError(message)
+        return self
 
     def run(self, context: RunContext) -> None:
         """Fit, write all results down, judge one.
@@ -57,7 +77,7 @@ class FitMethods(Step):
         from bench.acceptance.fit_evaluation import evaluate_fit
 
         data = self._data(context)
-        for name in dict.fromkeys([*self.methods, *self.judged]):
+        for name in dict.fromkeys(self.methods):
             fit = context.compute(partial(_fit, name, data))
             context.fits[name] = fit
             context.recorder.fit(fit)
@@ -72,7 +92,7 @@ class FitMethods(Step):
         if context.recording is not None:
             return recording_data(context.recording)
         readings = context.readings_at(context.calibration_positions)
-        return calibration_data(readings, context.station)
+        return calibration_data(readings, context.station, paired=not context.synthesised)
 
     def _judged(self, fits: dict[str, Fit]) -> Fit:
         for name in self.judged:
@@ -82,7 +102,11 @@ class FitMethods(Step):
 
     def measured(self) -> tuple[str, ...]:
         """Return the names of what is judged here."""
-        return FIT_NAMES + (TRUTH_NAMES if self.judged == ["truth_aided"] else ())
+        common = [name for name in REQUIRED.get(self.judged[0], ()) if self._all_tell(name)]
+        return (*FIT_NAMES, *common)
+
+    def _all_tell(self, name: str) -> bool:
+        return all(name in REQUIRED.get(method, ()) for method in self.judged)
 
 
 def _fit(name: str, data: CalibrationData) -> Fit:

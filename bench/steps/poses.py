@@ -1,32 +1,21 @@
-"""Visit tilted poses for the calibration."""
+"""Visit poses for the calibration."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
-from pydantic import Field
-
-from bench.quantity import Seconds
-from bench.steps.headings import Ring, ring_poses
-from bench.steps.step import OnMiss, PlannedPose, Step
+from bench.steps.ring_step import RingStep
+from bench.steps.step import OnMiss
 
 if TYPE_CHECKING:
     from bench.run_context import RunContext
 
 
-class Poses(Step):
+class Poses(RingStep):
     """Rings of poses that calibrate; what they peak at is judged."""
 
     kind: Literal["poses"]
     on_miss: OnMiss = "stop"
-    rings: Annotated[list[Ring], Field(min_length=1)]
-    """Rings in order."""
-    dwell: Seconds = 0.5
-    """Time over which a reading is averaged."""
-
-    def poses(self) -> list[PlannedPose]:
-        """Return the poses of all rings in order."""
-        return ring_poses(self.rings, self.dwell)
 
     def run(self, context: RunContext) -> None:
         """Visit the poses and judge the peaks.

@@ -2,36 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
-from pydantic import Field
-
-from bench.quantity import Seconds
-from bench.steps.headings import Ring, ring_poses
-from bench.steps.step import OnMiss, Step
+from bench.steps.ring_step import RingStep
+from bench.steps.step import OnMiss
 
 if TYPE_CHECKING:
     from bench.run_context import RunContext
-    from bench.steps.step import PlannedPose
 
 AXES = ("x", "y", "z")
 
 
-class SetReset(Step):
-    """Peaks, set/reset amplitude and symmetry, bridge offset, Hk and senses of all axes."""
+class SetReset(RingStep):
+    """Peaks, set/reset amplitude and symmetry, bridge offset, Hk and senses of all axes.
+
+    All three axes must see a change of the field, so that some rings are tilted.
+    """
 
     kind: Literal["set_reset"]
     on_miss: OnMiss = "stop"
-    rings: Annotated[list[Ring], Field(min_length=1)]
-    """Poses; all three axes must see a change of the field, so some are tilted."""
-    dwell: Seconds = 0.5
-    """Time over which a reading is averaged."""
     senses: bool = True
     """Whether to judge the sense of the axes against the rig's attitude as well."""
-
-    def poses(self) -> list[PlannedPose]:
-        """Return the poses of all rings in order."""
-        return ring_poses(self.rings, self.dwell)
 
     def run(self, context: RunContext) -> None:
         """Visit the poses and judge the pairs.

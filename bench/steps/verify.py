@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
-from pydantic import Field
-
-from bench.quantity import Seconds
+from bench.steps.comparison import compare_methods
 from bench.steps.deviation import deviation_entry
-from bench.steps.headings import Ring, ring_poses
-from bench.steps.step import PlannedPose, Step
+from bench.steps.ring_step import RingStep
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from bench.run_context import RunContext
+    from protocols.uds import Coefficients
 
 
-class Verify(Step):
-    """Heading error level and tilted, agreement with the bench's own heading, temperature."""
+class Verify(RingStep):
+    """Heading error level and tilted, agreement with the bench's own heading, temperature.
+
+    None of the poses may be a calibration pose. All fits of the run are ranked on the same poses.
+    """
 
     kind: Literal["verify"]
-    rings: Annotated[list[Ring], Field(min_length=1)]
-    """Verification poses; none of them may be a calibration pose."""
-    dwell: Seconds = 0.5
-    """Time over which a heading is averaged."""
-
-    def poses(self) -> list[PlannedPose]:
-        """Return the poses of all rings in order."""
-        return ring_poses(self.rings, self.dwell)
 
     def run(self, context: RunContext) -> None:
         """Visit the poses and judge.
@@ -38,52 +34,49 @@ class Verify(Step):
         """
         import numpy as np
 
-        from bench.acceptance.heading_evaluation import (
-            evaluate_field_strength,
-            evaluate_temperature,
-            evaluate_verification,
-        )
+        from bench.acceptance.heading_evaluation import evaluate_verification
 
         name, station = context.step_name, context.station
         coefficients = context.written
         if coefficients is None:
             coefficients = context.module.diagnostics.read_coefficients()
             context.recorder.set("coefficients", {"before": coefficients})
+        first = len(context.verification_samples)
         readings = context.visit(self.poses(), verifies=True)
-        samples = np.concatenate(context.verification_samples)
+        samples = np.concatenate(context.verification_samples[first:])
         context.judge(evaluate_verification(name, readings, samples, coefficients, station))
+        self._judge_surroundings(context, readings, coefficients)
+        context.verified = True
+        compensated = deviation_entry(readings["heading_deg"], readings, station)
+        context.recorder.set("deviation", {"compensated": compensated})
+        compare_methods(context, readings)
+
+    def _judge_surroundings(
+        self, context: RunContext, readings: NDArray[np.void], coefficients: Coefficients
+    ) -> None:
+        """Judge field strength and temperature, as far as the run can tell them."""
+        from bench.acceptance.heading_evaluation import (
+            evaluate_field_strength,
+            evaluate_temperature,
+        )
+        from bench.acceptance.two_axis_evaluation import evaluate_z_estimate
+
+        name, station = context.step_name, context.station
         if context.written is not None:
             context.judge(evaluate_field_strength(name, readings, coefficients, station))
         else:
             context.not_available.add("field_magnitude_difference")
+        if coefficients.horizontal_mg > 0.0:
+            context.judge(evaluate_z_estimate(name, readings, coefficients))
         if context.calibration_positions:
             before = context.readings_at(context.calibration_positions)
             context.judge(evaluate_temperature(name, before, readings))
         else:
             context.not_available.add("temperature_change")
-        context.verified = True
-        compensated = deviation_entry(readings["heading_deg"], readings, station)
-        context.recorder.set("deviation", {"compensated": compensated})
-        self._compare_methods(context)
-
-    def _compare_methods(self, context: RunContext) -> None:
-        """Say what every method would have achieved on the same verification poses."""
-        from bench.acceptance.heading_evaluation import achieved_heading, ranking
-
-        readings = context.readings_at(context.verification_positions)
-        achieved = {
-            name: achieved_heading(fit, readings, context.station)
-            for name, fit in context.fits.items()
-        }
-        for name, fit in context.fits.items():
-            context.recorder.fit(fit, achieved[name])
-        context.recorder.set("ranking", ranking(achieved))
 
     def measured(self) -> tuple[str, ...]:
         """Return the names of what is judged here."""
-        level = any(ring.pitch == 0.0 and ring.roll == 0.0 for ring in self.rings)
-        tilted = any(ring.pitch != 0.0 or ring.roll != 0.0 for ring in self.rings)
-        names = [*(("level_max", "level_rms") if level else ())]
-        names += [*(("tilt_max", "tilt_rms") if tilted else ())]
+        level = ("level_max", "level_rms") if self.has_level else ()
+        tilted = ("tilt_max", "tilt_rms") if self.has_tilted else ()
         judged = ("bench_against_module", "field_magnitude_difference", "temperature_change")
-        return (*names, *judged)
+        return (*level, *tilted, *judged)

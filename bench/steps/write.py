@@ -86,4 +86,6 @@ def coefficients_of(fit: Fit, *, version: int) -> Coefficients:
         mag_matrix=tuple(float(value) for value in fit.matrix.ravel()),
         accel_offset_g=tuple(float(value) for value in fit.accel_offset_g),
         accel_matrix=tuple(float(value) for value in fit.accel_matrix.ravel()),
+        extended_dip_deg=fit.extended_dip_deg or 0.0,
+        horizontal_mg=fit.extra["horizontal_mg"] if fit.two_axis else 0.0,
     )

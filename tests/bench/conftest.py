@@ -12,14 +12,13 @@ import pytest
 
 from bench.acceptance.fit_evaluation import evaluate_fit
 from bench.acceptance.heading_evaluation import (
-    achieved_heading,
     bench_heading_deg,
     evaluate_returns,
     evaluate_temperature,
     evaluate_verification,
-    ranking,
 )
 from bench.acceptance.measurement import Limit, Measurement
+from bench.acceptance.method_comparison import achieved_by, ranking, study_of
 from bench.acceptance.outcome import Outcome
 from bench.acceptance.sensor_evaluation import (
     evaluate_noise,
@@ -333,9 +332,11 @@ class SyntheticRun:
         readings = readings_of(samples)
         found = evaluate_verification("verify", readings, samples, self.unit.coefficients, SITE)
         self._end("verify", found + evaluate_temperature("verify", self.calibration, readings))
-        achieved = {name: achieved_heading(fit, readings, SITE) for name, fit in self.fits.items()}
+        compared = study_of(self.fits, readings, SITE)
+        achieved = achieved_by(self.fits, compared)
         for name, fit in self.fits.items():
             self.recorder.fit(fit, achieved[name])
+        self.recorder.set("study", compared.as_dict())
         self.recorder.set("ranking", ranking(achieved))
         self._deviation(readings)
         self._step("returns", "returns")

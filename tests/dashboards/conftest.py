@@ -45,9 +45,9 @@ class Recorded:
         return float(next(m["value"] for m in self.record["measurements"] if m["name"] == name))
 
 
-def run(out: Path, *, procedure: str = "eol_three_axis", faults: tuple[str, ...] = ()) -> Recorded:
+def run(out: Path, *, procedure: str = "eol_three_axis", **options: Any) -> Recorded:
     request = RunRequest(
-        procedure=procedure, serial="SN0001", out=out, no_input=True, quiet=True, faults=faults
+        procedure=procedure, serial="SN0001", out=out, no_input=True, quiet=True, **options
     )
     run_procedure(request)
     folder = (out / "latest").resolve()
@@ -62,6 +62,27 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 @pytest.fixture(scope="session")
 def failed(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     return run(tmp_path_factory.mktemp("bad"), faults=("inverted_axis_x",))
+
+
+@pytest.fixture(scope="session")
+def two_axis(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    return run(tmp_path_factory.mktemp("two_axis"), procedure="eol_two_axis")
+
+
+@pytest.fixture(scope="session")
+def compared(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    return run(tmp_path_factory.mktemp("compared"), procedure="min_max")
+
+
+@pytest.fixture(scope="session")
+def replayed(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    folder = tmp_path_factory.mktemp("replayed")
+    vectors = np.random.default_rng(5).standard_normal((600, 3))
+    field_mg = np.round(480.0 * vectors / np.linalg.norm(vectors, axis=1, keepdims=True) + 40.0)
+    rows = [f"{0.01 * i:.2f},{x:.0f},{y:.0f},{z:.0f}" for i, (x, y, z) in enumerate(field_mg)]
+    head = ["# mag_unit: mG", "# mag_resolution_mg: 1", "# rate_hz: 100", "t_s,mx,my,mz"]
+    (folder / "sphere.csv").write_text("\n".join([*head, *rows, ""]), encoding="utf-8")
+    return run(folder / "runs", procedure="recording", replay=folder / "sphere.csv")
 
 
 @pytest.fixture

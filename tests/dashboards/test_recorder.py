@@ -122,6 +122,21 @@ def test_failed_run_without_a_fit_has_a_recording_with_its_verdict(failed: Recor
     ]
 
 
+def test_recording_without_a_rig_shows_fields_and_headings_and_claims_no_error(
+    replayed: Recorded,
+) -> None:
+    drawn = ("magnetometer_mg/raw", "heading_deg/raw", "heading_deg/compensated")
+
+    for path in drawn:
+        assert np.isfinite(replayed.scalars(path)).all()
+    assert not [
+        batch
+        for path in ("heading_deg/reference", "raw_heading_error_deg/**", "rig/**", "methods/**")
+        for batch in replayed.chunks(path)
+        if "Scalars:scalars" in batch.schema.names
+    ]
+
+
 def test_run_that_never_measured_has_a_recording_too(recorded: Recorded, tmp_path: Path) -> None:
     shutil.copy(recorded.folder / "record.json", tmp_path)
 

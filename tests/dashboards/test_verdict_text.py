@@ -61,7 +61,27 @@ def test_methods_stand_in_the_order_of_their_rank_and_refusals_say_why() -> None
     text = methods_markdown({"fits": [refused, good], "ranking": ["good", "refused"]})
 
     assert text.index("| good |") < text.index("| refused |")
-    assert "no_turn" in text
+    assert "| refused | refused: no turn |" in text
+
+
+def test_raw_readings_stand_before_the_methods_and_the_orders_after_them() -> None:
+    best = {"method": "truth_aided", "cause": None, "achieved": {"level_max_deg": 0.2}}
+    study = {
+        "raw": {"level_max_deg": 36.0},
+        "tilt_from": {"truth_aided": "own"},
+        "orders": {
+            "truth_aided": {
+                "tilt_first": {"level_max_deg": 0.2, "tilt_max_deg": 11.0},
+                "body": {"level_max_deg": 0.2, "tilt_max_deg": 0.3},
+            }
+        },
+    }
+
+    text = methods_markdown({"fits": [best], "ranking": ["truth_aided"], "study": study})
+
+    assert text.index("| raw readings | 36 |") < text.index("| truth aided | 0.2 |")
+    assert "| method | hard, soft, tilt | tilt, hard, soft |" in text
+    assert "| truth aided | 0.2 / 0.3 | 0.2 / 11 |" in text
 
 
 def test_deviation_shows_standard_errors_and_words() -> None:

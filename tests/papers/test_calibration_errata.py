@@ -17,8 +17,8 @@ import pytest
 
 from bench.calibration.deviation import exact_deviation, linear_deviation
 from bench.calibration.fit import CalibrationData
-from bench.calibration.methods import heading_error
 from bench.calibration.min_max import fit_min_max
+from bench.calibration.ranking import heading_error
 from bench.calibration.set_reset import check_set_reset
 from bench.calibration.tilt import heading_deg, ned_from_body
 from protocols.angles import wrap_180_deg

@@ -16,6 +16,8 @@ from protocols.errors import FrameError
 from protocols.frame import EXTENDED
 
 float32 = st.floats(width=32, allow_nan=False, allow_infinity=False)
+dip_deg = st.floats(-89.0, 89.0, width=32)
+field_mg = st.floats(1.0, 1e6, width=32)
 
 
 def bank(values: list[float], version: int = 1) -> uds.Coefficients:
@@ -25,6 +27,8 @@ def bank(values: list[float], version: int = 1) -> uds.Coefficients:
         mag_matrix=tuple(values[3:12]),
         accel_offset_g=tuple(values[12:15]),
         accel_matrix=tuple(values[15:24]),
+        extended_dip_deg=values[24],
+        horizontal_mg=values[25],
     )
 
 
@@ -38,17 +42,17 @@ def test_identifiers_are_those_of_normal_fixed_addressing(address: int) -> None:
     assert uds.physical_response_id(address) == EXTENDED | tester.get_rx_arbitration_id()
 
 
-@given(st.lists(float32, min_size=24, max_size=24), st.integers(0, 0xFFFF))
+@given(st.lists(float32, min_size=24, max_size=24), dip_deg, field_mg, st.integers(0, 0xFFFF))
 def test_a_bank_of_single_precision_numbers_comes_back_exactly(
-    values: list[float], version: int
+    values: list[float], dip_deg: float, horizontal_mg: float, version: int
 ) -> None:
-    coefficients = bank(values, version)
+    coefficients = bank([*values, dip_deg, horizontal_mg], version)
 
     assert uds.unpack_coefficients(uds.pack_coefficients(coefficients)) == coefficients
 
 
 def test_a_bank_of_double_precision_numbers_is_rounded_to_single() -> None:
-    sent = bank([math.pi * place for place in range(24)])
+    sent = bank([math.pi * place for place in range(26)])
 
     received = uds.unpack_coefficients(uds.pack_coefficients(sent))
 
@@ -57,12 +61,12 @@ def test_a_bank_of_double_precision_numbers_is_rounded_to_single() -> None:
 
 
 def test_the_layout_of_a_bank_is_version_floats_and_crc() -> None:
-    data = uds.pack_coefficients(bank([float(place) for place in range(24)], version=0x0102))
+    data = uds.pack_coefficients(bank([float(place) for place in range(26)], version=0x0102))
 
-    assert len(data) == uds.BANK_LENGTH == 104
+    assert len(data) == uds.BANK_LENGTH == 112
     assert data[:4] == bytes.fromhex("02010000")
-    assert struct.unpack("<24f", data[4:100]) == tuple(range(24))
-    assert int.from_bytes(data[100:], "little") == zlib.crc32(data[:100])
+    assert struct.unpack("<26f", data[4:108]) == tuple(range(26))
+    assert int.from_bytes(data[108:], "little") == zlib.crc32(data[:108])
 
 
 @given(st.integers(0, 8 * uds.BANK_LENGTH - 1))
@@ -76,8 +80,28 @@ def test_every_single_bit_error_in_a_bank_is_refused(bit: int) -> None:
 
 @pytest.mark.parametrize("length", [0, uds.BANK_LENGTH - 1, uds.BANK_LENGTH + 1])
 def test_a_bank_of_another_length_is_refused_with_both_lengths(length: int) -> None:
-    with pytest.raises(FrameError, match=f"must be 104 bytes; instead received {length}"):
+    with pytest.raises(FrameError, match=f"must be 112 bytes; instead received {length}"):
         uds.unpack_coefficients(bytes(length))
+
+
+@pytest.mark.parametrize(
+    ("dip_deg", "horizontal_mg", "sentence"),
+    [
+        (90.0, 250.0, r"dip .* must be within \(-90, 90\) deg; instead received 90.0 deg"),
+        (-91.0, 250.0, "instead received -91.0 deg"),
+        (math.nan, 250.0, "finite numbers; instead it holds NaN"),
+        (60.0, math.inf, "finite numbers"),
+        (60.0, -250.0, "must be positive, or 0 with a dip of 0; instead received -250.0 mG"),
+        (60.0, 0.0, "instead received 0.0 mG with 60.0 deg"),
+    ],
+)
+def test_a_dip_that_leaves_no_vertical_field_is_refused(
+    dip_deg: float, horizontal_mg: float, sentence: str
+) -> None:
+    data = uds.pack_coefficients(bank([0.0] * 24 + [dip_deg, horizontal_mg]))
+
+    with pytest.raises(FrameError, match=sentence):
+        uds.unpack_coefficients(data)
 
 
 def test_default_coefficients_change_nothing() -> None:
@@ -86,6 +110,8 @@ def test_default_coefficients_change_nothing() -> None:
     assert uds.DEFAULT_COEFFICIENTS.mag_matrix == uds.DEFAULT_COEFFICIENTS.accel_matrix == identity
     assert uds.DEFAULT_COEFFICIENTS.mag_offset_mg == (0.0, 0.0, 0.0)
     assert uds.DEFAULT_COEFFICIENTS.version == 0
+    assert uds.DEFAULT_COEFFICIENTS.extended_dip_deg == 0.0
+    assert uds.DEFAULT_COEFFICIENTS.horizontal_mg == 0.0
 
 
 def test_scales_round_trip_exactly() -> None:

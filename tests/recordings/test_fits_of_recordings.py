@@ -11,7 +11,8 @@ import pytest
 from bench.calibration.ellipsoid import fit_ellipsoid
 from bench.calibration.fit import CalibrationData, Cause
 from bench.calibration.fit_report import fit_report
-from bench.calibration.methods import fit_all, fit_named, heading_errors_deg
+from bench.calibration.methods import fit_all, fit_named
+from bench.calibration.ranking import heading_errors_deg
 from bench.calibration.tilt import ned_from_body
 
 if TYPE_CHECKING:

@@ -18,6 +18,7 @@ from bench.sample_log import SampleLog
 from bench.station import load_station
 from devices.simulator import SimulatorOptions, build_host
 from protocols.clock import SimulatedClock
+from protocols.compass import PART_THREE_AXIS
 from protocols.link import Wire
 
 if TYPE_CHECKING:
@@ -114,7 +115,10 @@ def _prepare(
 ) -> InProcessRun:
     loaded = load_procedure(procedure) if isinstance(procedure, str) else procedure
     wire = Wire()
-    options = SimulatorOptions(serial=serial, seed=seed, faults=faults, replay=replay, nvm=nvm)
+    options = SimulatorOptions(
+        serial=serial, seed=seed, faults=faults, replay=replay, nvm=nvm,
+        part=loaded.part or PART_THREE_AXIS,
+    )  # fmt: skip
     host = build_host(options, between(wire.attach()))
     wire.add_server(host.serve)
     bus = BenchBus(wire.attach(), SimulatedClock())

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from bench.acceptance.heading_evaluation import (
-    achieved_heading,
     bench_heading_deg,
     evaluate_agreement,
     evaluate_field_strength,
@@ -17,7 +16,6 @@ from bench.acceptance.heading_evaluation import (
     evaluate_returns,
     evaluate_temperature,
     evaluate_verification,
-    ranking,
 )
 from bench.acceptance.site import (
     expected_field_mg,
@@ -27,7 +25,6 @@ from bench.acceptance.site import (
     reference_heading_deg,
     total_field_mg,
 )
-from bench.calibration.fit import Cause, Fit
 from bench.samples import readings_of
 from protocols.angles import wrap_360_deg
 from protocols.uds import DEFAULT_COEFFICIENTS
@@ -200,31 +197,6 @@ def test_temperature_change_is_the_difference_of_the_means(perfect, poses_of_run
 
     assert (change.name, change.unit) == ("temperature_change", "deg C")
     assert change.value == pytest.approx(0.4)
-
-
-def test_achieved_error_of_perfect_coefficients_is_small_and_of_none_is_absent(
-    perfect, site, poses_of_run
-):
-    readings = readings_of(perfect.samples(poses_of_run["verify"]))
-    fit = Fit(method="identity", offset_mg=np.zeros(3), matrix=np.eye(3))
-    refused = Fit(method="refused", cause=Cause.NO_TURN)
-
-    achieved = achieved_heading(fit, readings, site)
-
-    assert achieved["level_max_deg"] < 0.2
-    assert set(achieved) == {"level_rms_deg", "level_max_deg", "tilt_rms_deg", "tilt_max_deg"}
-    assert achieved_heading(refused, readings, site) == {}
-    assert set(achieved_heading(fit, readings[:24], site)) == {"level_rms_deg", "level_max_deg"}
-
-
-def test_ranking_is_by_the_worse_maximum_and_refused_come_last():
-    achieved = {
-        "refused": {},
-        "level_only_good": {"level_max_deg": 0.1, "tilt_max_deg": 9.0},
-        "both_fair": {"level_max_deg": 0.5, "tilt_max_deg": 0.4},
-    }
-
-    assert ranking(achieved) == ["both_fair", "level_only_good", "refused"]
 
 
 def test_the_strength_of_the_corrected_field_is_held_against_the_stations(

@@ -13,7 +13,7 @@ from bench.acceptance.sensor_evaluation import (
     evaluate_senses,
     evaluate_set_reset,
     evaluate_sweep,
-    pair_offset,
+    pair_offsets,
 )
 from bench.samples import readings_of
 
@@ -77,7 +77,7 @@ def test_the_plain_mean_of_the_offset_misses_the_cross_axis_part(unit, pair_pose
     spread_mg = np.ptp(readings["offset_mg"][:, 0])
 
     assert spread_mg > 5.0
-    assert pair_offset(readings, 0).offset_mg == pytest.approx(30.0, abs=0.05)
+    assert pair_offsets(readings)[0].offset_mg == pytest.approx(30.0, abs=0.05)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -118,7 +118,7 @@ def test_level_poses_leave_the_vertical_pair_unjudged(unit, site, pair_poses):
 def test_an_axis_without_a_change_has_an_offset_and_no_hk(unit, pair_poses):
     readings = readings_of(unit.samples(pair_poses[:2]))
 
-    pair = pair_offset(readings, 0)
+    pair = pair_offsets(readings)[0]
 
     assert pair.hk_g is None
     assert pair.offset_mg == pytest.approx(readings["offset_mg"][:, 0].mean())

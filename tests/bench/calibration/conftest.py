@@ -59,7 +59,7 @@ def base_tilt(north_deg: float, east_deg: float) -> NDArray[np.float64]:
     return about_east @ about_north
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def drawn() -> Callable[..., Truth]:
     """Return a function that draws a module and reads it at given angles."""
 

@@ -58,7 +58,7 @@ def test_no_poses_are_refused(method: str) -> None:
 
 
 def test_unknown_method_is_named() -> None:
-    with pytest.raises(ValueError, match="method must be one of min_max"):
+    with pytest.raises(ValueError, match="method must be one of set_reset, min_max"):
         predict([Attitude(azimuth_deg=0.0)], "guess")
 
 

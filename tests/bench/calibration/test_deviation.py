@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from bench.calibration.deviation import (
+    CAUSES,
     exact_deviation,
+    exact_deviation_batch,
     exact_deviation_deg,
     linear_deviation,
 )
@@ -45,11 +47,50 @@ def test_exact_coefficients_are_those_of_archibald_smith() -> None:
 def test_standard_errors_match_the_scatter_of_many_swings() -> None:
     rng = np.random.default_rng(1)
     clean = compass_deg((0.1, 0.05))
-    fits = [exact_deviation(clean + rng.normal(0, 0.2, 24), EVERY_15) for _ in range(200)]
-    scatter = np.std([fit.coefficients_deg for fit in fits], axis=0)
-    told = np.sqrt(np.mean(np.square([fit.sd_deg for fit in fits]), axis=0))
-    assert told == pytest.approx(scatter, rel=0.25)
+    swings = exact_deviation_batch(clean + rng.normal(0, 0.2, (4000, 24)), EVERY_15)
+    assert not swings.cause.any()
+    told = np.sqrt(np.mean(swings.sd_deg**2, axis=0))
+    assert told == pytest.approx(swings.coefficients_deg.std(axis=0), rel=0.05)
     assert told[0] == pytest.approx(0.2 / np.sqrt(24), rel=0.15)
+
+
+@pytest.mark.parametrize("iron", [(0.0, 0.0), (0.4, -0.3), (0.6, 0.5)])
+def test_intervals_of_the_standard_errors_hold_the_truth_as_often_as_they_say(
+    iron: tuple[float, float],
+) -> None:
+    """95 % by Student's t of 19 degrees of freedom, of each coefficient, also under large iron."""
+    rng = np.random.default_rng(2)
+    clean = compass_deg(iron, (0.02, 0.01, -0.02, 0.0))
+    truth = np.array(exact_deviation(clean, EVERY_15).coefficients_deg)
+    swings = exact_deviation_batch(clean + rng.normal(0, 0.1, (3000, 24)), EVERY_15)
+    inside = np.abs(swings.coefficients_deg - truth) < 2.093 * swings.sd_deg
+    assert inside.mean(axis=0) == pytest.approx(np.full(5, 0.95), abs=0.02)
+
+
+def test_a_batch_gives_what_each_unit_gives_alone() -> None:
+    rng = np.random.default_rng(3)
+    irons = [(0.3, 0.1), (1.3, 0.0), (0.0, 0.0), (0.2, -0.7)]
+    swings = np.array([compass_deg(iron) for iron in irons]) + rng.normal(0, 0.3, (4, 24))
+    batch = exact_deviation_batch(swings.reshape(2, 2, 24), EVERY_15)
+    for index, swing in enumerate(swings):
+        alone = exact_deviation(swing, EVERY_15)
+        unit = batch.unit((index // 2, index % 2))
+        assert unit.coefficients_deg == pytest.approx(alone.coefficients_deg, abs=1e-6)
+        assert unit.sd_deg == pytest.approx(alone.sd_deg, abs=1e-6)
+        assert (unit.cause, unit.words) == (alone.cause, alone.words)
+    assert CAUSES[batch.cause[0, 1]] is Cause.HARD_IRON_TOO_LARGE
+
+
+def test_whatever_the_headings_no_number_is_nan_and_the_fit_is_no_worse_than_none() -> None:
+    rng = np.random.default_rng(4)
+    wild = exact_deviation_batch(rng.uniform(0.0, 360.0, (500, 24)), EVERY_15)
+    for values in (wild.coefficients_deg, wild.sd_deg, wild.residual_rms_deg, wild.third_deg):
+        assert np.isfinite(values).all()
+    assert {CAUSES[code] for code in wild.cause} >= {Cause.HARD_IRON_TOO_LARGE}
+    strong = np.array([compass_deg((p, 0.0)) for p in np.linspace(0.0, 0.99, 100)])
+    found = exact_deviation_batch(strong, EVERY_15)
+    assert found.residual_rms_deg.max() < 1e-6
+    assert not found.cause.any()
 
 
 def test_a_hard_iron_that_reverses_the_field_is_refused() -> None:
@@ -83,10 +124,22 @@ def test_a_fourth_harmonic_is_told_as_non_linearity() -> None:
     assert "non-linearity" in fitted.words[0]
 
 
-@pytest.mark.parametrize("headings", [EVERY_15[:7], EVERY_15[:12]])
-def test_few_headings_or_a_part_of_a_turn_are_refused(headings: np.ndarray) -> None:
-    assert exact_deviation(headings, headings).cause == Cause.TOO_FEW
-    assert linear_deviation(headings, headings).cause == Cause.TOO_FEW
+@pytest.mark.parametrize(
+    ("headings", "cause", "words"),
+    [
+        (EVERY_15[:7], Cause.TOO_FEW, "at least 8 headings"),
+        (EVERY_15[:0], Cause.TOO_FEW, "at least 8 headings"),
+        (EVERY_15[:12], Cause.NO_TURN, "gap of more than 90 deg"),
+        (np.zeros(24), Cause.NO_TURN, "gap of more than 90 deg"),
+    ],
+)
+def test_few_headings_or_a_part_of_a_turn_are_refused(
+    headings: np.ndarray, cause: Cause, words: str
+) -> None:
+    for fitted in (exact_deviation(headings, headings), linear_deviation(headings, headings)):
+        assert fitted.cause == cause
+        assert words in fitted.words[0]
+        assert fitted.coefficients_deg == fitted.sd_deg == (0.0,) * 5
 
 
 def test_headings_that_wrap_do_not_make_an_error() -> None:
@@ -98,6 +151,8 @@ def test_headings_that_wrap_do_not_make_an_error() -> None:
 def test_unusable_headings_are_named() -> None:
     with pytest.raises(ValueError, match="one shape"):
         exact_deviation(EVERY_15, EVERY_15[:5])
+    with pytest.raises(ValueError, match="match in n"):
+        exact_deviation_batch(np.zeros((3, 24)), np.zeros(23))
     with pytest.raises(ValueError, match="finite"):
         linear_deviation(np.full(24, np.nan), EVERY_15)
 

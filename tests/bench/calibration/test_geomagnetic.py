@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from bench.calibration.geomagnetic import earth_field, true_heading_deg
+from bench.calibration.geomagnetic import (
+    compare_dips,
+    dip_from_latitude_deg,
+    earth_field,
+    geomagnetic_latitude_deg,
+    geomagnetic_pole_deg,
+    true_heading_deg,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -52,3 +59,41 @@ def test_what_is_outside_the_model_is_named(
 
 def test_true_heading_adds_east_declination() -> None:
     assert true_heading_deg([10.0, 350.0], -15.0) == pytest.approx([355.0, 335.0])
+
+
+def test_the_three_dips_of_seoul_stand_side_by_side() -> None:
+    """Cho & Park's (25) wants geomagnetic latitude: 47.7, not 56.91; the model has 54.5."""
+    seoul = compare_dips(37.5, 127.0, 0.0, 2025.0)
+    assert seoul.geographic_deg == pytest.approx(56.91, abs=0.005)
+    assert seoul.geomagnetic_deg == pytest.approx(47.7, abs=0.05)
+    assert seoul.model_deg == pytest.approx(54.6, abs=0.1)
+    assert dip_from_latitude_deg(seoul.geomagnetic_latitude_deg) == seoul.geomagnetic_deg
+    assert seoul.model_deg == earth_field(37.5, 127.0, 0.0, 2025.0).dip_deg
+
+
+def test_the_dip_of_a_dipole_is_that_of_its_field() -> None:
+    """Field of a dipole: radial 2 sin(latitude), north cos(latitude)."""
+    latitude_deg = np.linspace(-90.0, 90.0, 181)
+    latitude = np.deg2rad(latitude_deg)
+    expected = np.rad2deg(np.arctan2(2.0 * np.sin(latitude), np.cos(latitude)))
+    assert dip_from_latitude_deg(latitude_deg) == pytest.approx(expected)
+    assert dip_from_latitude_deg([-90.0, 90.0]) == pytest.approx([-90.0, 90.0])
+
+
+def test_the_pole_is_that_of_the_model_s_dipole() -> None:
+    latitude_deg, longitude_deg = geomagnetic_pole_deg(2025.0)
+    assert (latitude_deg, longitude_deg) == pytest.approx((80.8, -72.8), abs=0.05)
+    assert geomagnetic_latitude_deg(latitude_deg, longitude_deg, 2025.0) == pytest.approx(90.0)
+    assert geomagnetic_latitude_deg(-latitude_deg, longitude_deg + 180.0, 2025.0) == pytest.approx(
+        -90.0
+    )
+    across = geomagnetic_latitude_deg(0.0, longitude_deg + 90.0, 2025.0)
+    assert across == pytest.approx(0.0, abs=1e-9)
+    assert geomagnetic_pole_deg(2029.0)[0] > latitude_deg
+
+
+def test_dips_outside_the_model_are_refused() -> None:
+    with pytest.raises(ValueError, match="year must be"):
+        geomagnetic_pole_deg(2031.0)
+    with pytest.raises(ValueError, match="latitude_deg must be"):
+        compare_dips(91.0, 0.0, 0.0, 2026.0)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from bench.calibration.fit import CalibrationData, Cause
-from bench.calibration.methods import heading_error
-from bench.calibration.min_max import fit_min_max, largest_gap_deg
+from bench.calibration.level_kernel import largest_gap_deg
+from bench.calibration.min_max import fit_min_max, min_max_batch
+from bench.calibration.ranking import heading_error
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -83,3 +84,27 @@ def test_prediction_follows_the_noise() -> None:
 def test_gap_closes_round_the_circle() -> None:
     unit = np.column_stack([np.cos(np.deg2rad(FULL)), np.sin(np.deg2rad(FULL))])
     assert largest_gap_deg(unit) == pytest.approx(15.0)
+
+
+def test_extremes_of_a_dense_noisy_turn_lie_outside_on_both_axes_alike() -> None:
+    """Two standard deviations of amplitude for a thousand readings; offset and ratio stay."""
+    rng = np.random.default_rng(1)
+    dense = turn_mg(np.arange(0.0, 360.0, 0.36))[:, :2] + rng.normal(0, 1.0, (500, 1000, 2))
+    fits = min_max_batch(dense, 1.0)
+    assert not fits.cause.any()
+    assert fits.amplitude_mg.mean(axis=0) == pytest.approx([251.9, 251.9], abs=0.3)
+    assert fits.offset_mg.mean(axis=0) == pytest.approx([90.0, -40.0], abs=0.1)
+    ratio = fits.amplitude_mg[:, 0] / fits.amplitude_mg[:, 1]
+    assert ratio.mean() == pytest.approx(1.0, abs=3e-4)
+
+
+def test_what_a_coarse_turn_misses_of_the_extremes_is_in_the_covariance() -> None:
+    """Seven uneven headings miss an extreme by up to 10 deg of turn: 4 mG of 250."""
+    headings = np.array([8.0, 62.0, 100.0, 155.0, 201.0, 262.0, 310.0])
+    fits = min_max_batch(turn_mg(headings)[:, :2], 0.05)
+    sigma = np.sqrt(np.diag(fits.covariance))
+    errors = np.append(fits.offset_mg - [90.0, -40.0], fits.amplitude_mg - 250.0)
+    assert np.abs(errors).max() > 1.0
+    assert (np.abs(errors) < 2.0 * sigma).all()
+    even = min_max_batch(turn_mg(FULL)[:, :2], 0.05)
+    assert np.sqrt(np.diag(even.covariance)).max() < 0.1

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from bench.calibration.fit import Cause
-from bench.calibration.methods import heading_errors_deg, rows_of
+from bench.calibration.methods import rows_of
+from bench.calibration.ranking import heading_errors_deg
 from bench.calibration.truth_aided import fit_truth_aided
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ import yaml
 from typer.testing import CliRunner
 
 from bench.cli.main import app
+from bench.errors import ConfigError
 from bench.procedure_loader import procedure_names, procedure_path
 
 if TYPE_CHECKING:
@@ -60,6 +61,30 @@ def test_every_shipped_procedure_can_be_planned(name: str) -> None:
         sum(s["duration_s"] for s in plan["steps"]), rel=0.05
     )
     assert plan["bus_load_worst_percent"] < 70.0
+
+
+def test_a_plan_whose_tilts_are_all_blind_says_so_and_is_refused(tmp_path: Path) -> None:
+    document = yaml.safe_load(procedure_path("eol_two_axis").read_text(encoding="utf-8"))
+    tilts = next(step for step in document["steps"] if step["name"] == "dip_tilts")
+    tilts["rings"] = [{"count": 2, "first": "0 deg", "pitch": "30 deg"}]
+    path = tmp_path / "blind.yaml"
+    path.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
+
+    result = CliRunner().invoke(app, ["plan", str(path)])
+
+    assert "dip_tilts" in result.output
+    assert isinstance(result.exception, ConfigError)
+    sentence = str(result.exception)
+    assert sentence.startswith("step fit: poses must suffice for a judged method")
+    assert "blind_azimuth" in sentence
+
+
+def test_a_plan_marks_what_is_foretold_for_a_level_module_only() -> None:
+    _, output = invoke("plan", "caruso_24", "--json")
+
+    level_only = {p["method"]: p["level_only"] for p in json.loads(output)["predictions"]}
+    assert level_only["four_position"]
+    assert not level_only["truth_aided"]
 
 
 def test_plan_of_the_main_procedure_predicts_the_method_that_is_written() -> None:

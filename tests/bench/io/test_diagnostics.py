@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from bench.errors import Aborted, ModuleRefused, ModuleSilent
+from bench.errors import Aborted, ConfigError, ModuleRefused, ModuleSilent
 from protocols import uds
 from protocols.frame import EXTENDED
 from protocols.uds import DEFAULT_COEFFICIENTS
@@ -140,6 +140,43 @@ def test_given_new_coefficients_when_written_then_in_use_after_the_reset(diagnos
     assert write.read_back.mag_offset_mg == pytest.approx(NEW.mag_offset_mg)
     assert station.module.status.boots == boots + 1
     assert diagnostics.write_coefficients(dataclasses.replace(NEW, version=8)).before.version == 7
+
+
+@pytest.mark.parametrize(
+    ("extended_dip_deg", "horizontal_mg"), [(48.72, 302.0), (-12.5, 1.0), (0.0, 400.0)]
+)
+def test_dip_and_horizontal_field_of_two_axes_are_written_and_compared(
+    make_station, extended_dip_deg, horizontal_mg
+):
+    station = make_station(part="CB-AMR2")
+    station.module.wait_ready()
+    new = dataclasses.replace(NEW, extended_dip_deg=extended_dip_deg, horizontal_mg=horizontal_mg)
+    write = station.module.diagnostics.write_coefficients(new)
+
+    assert write.read_back_equal
+    assert write.read_back.extended_dip_deg == pytest.approx(extended_dip_deg, rel=1e-6)
+    assert write.read_back.horizontal_mg == horizontal_mg
+    for wrong in ({"extended_dip_deg": 0.5}, {"horizontal_mg": 2.0}):
+        held = dataclasses.replace(write.read_back, **wrong)
+        assert not dataclasses.replace(write, read_back=held).read_back_equal
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"extended_dip_deg": 90.0, "horizontal_mg": 250.0},
+        {"extended_dip_deg": float("nan"), "horizontal_mg": 250.0},
+        {"extended_dip_deg": 60.0},
+        {"mag_offset_mg": (float("inf"), 0.0, 0.0)},
+    ],
+)
+def test_coefficients_that_no_module_can_hold_are_refused_before_anything_is_sent(
+    diagnostics, station, wrong
+):
+    ticks = station.bus.tick_count
+    with pytest.raises(ConfigError, match="coefficients must be sound to be written; instead: "):
+        diagnostics.write_coefficients(dataclasses.replace(NEW, **wrong))
+    assert station.bus.tick_count == ticks
 
 
 def test_given_a_module_that_loses_the_write_then_the_result_says_so(make_station):

@@ -1,10 +1,23 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
+from bench.calibration.coverage import perfect_data
+from bench.calibration.methods import METHODS, fit_named
 from bench.errors import ConfigError
-from bench.plan import expected_load_percent, plan_of, predictions, require_load
+from bench.plan import (
+    LEVEL_ONLY,
+    calibration_attitudes,
+    expected_load_percent,
+    plan_of,
+    predictions,
+    require_load,
+    require_observable,
+)
 from bench.procedure import Procedure
 from bench.procedure_loader import load_procedure
 from bench.station import load_station
@@ -94,6 +107,52 @@ def test_level_poses_alone_are_foretold_to_be_too_few():
 
     assert prediction.cause is not None
     assert prediction.message
+
+
+def tilts_for_the_dip(*rings):
+    """Return a level turn, tilts at named azimuths, and the fit of two axes."""
+    sweep = {"kind": "sweep", "name": "turn", "headings": {"count": 24}}
+    tilts = {"kind": "poses", "name": "tilts", "rings": list(rings)}
+    both = ["two_axis_aided", "two_axis"]
+    return procedure_of(sweep, tilts, {"kind": "fit", "name": "f", "methods": both, "judged": both})
+
+
+def test_tilts_at_blind_azimuths_alone_are_refused_with_the_reason():
+    pitched = {"count": 2, "first": "0 deg", "pitch": "30 deg"}
+    rolled = {"count": 2, "first": "90 deg", "roll": "30 deg"}
+    blind = tilts_for_the_dip(pitched, rolled)
+
+    foretold = predictions(blind, load_station("default"))
+
+    assert {prediction.cause for prediction in foretold} == {"blind_azimuth"}
+    with pytest.raises(ConfigError, match=r"step f: poses must suffice.*blind_azimuth"):
+        require_observable(blind, foretold)
+
+
+def test_tilts_that_see_the_dip_are_foretold_to_be_good_at_tilt():
+    seeing = tilts_for_the_dip(
+        *({"count": 2, "first": "90 deg", "pitch": f"{sign}30 deg"} for sign in ("", "-")),
+        *({"count": 2, "first": "0 deg", "roll": f"{sign}30 deg"} for sign in ("", "-")),
+    )
+
+    foretold = predictions(seeing, load_station("default"))
+
+    require_observable(seeing, foretold)
+    aided = next(p for p in foretold if p.method == "two_axis_aided")
+    assert 0.0 < aided.predicted_heading_max_deg < 0.5
+
+
+def test_methods_marked_as_level_calibrate_no_tilt_and_the_others_do():
+    attitudes = calibration_attitudes(load_procedure("caruso_24"))
+    like = perfect_data(attitudes)
+    data = replace(like, offset_mg=np.zeros_like(like.field_mg))
+
+    fits = {name: fit_named(name, data) for name in METHODS}
+
+    without_tilt = {name for name, fit in fits.items() if fit.accel_matrix is None}
+    assert without_tilt - LEVEL_ONLY == {"ellipsoid"}  # its prediction is for raw tilt, all poses
+    assert without_tilt >= LEVEL_ONLY
+    assert not any(fits[name].two_axis for name in LEVEL_ONLY)
 
 
 def test_a_recording_has_no_poses_to_predict_from():

@@ -148,6 +148,31 @@ def test_steps_that_would_release_what_nothing_judged_are_refused(refusal_of, st
     assert sentence in refusal_of(HEAD + "steps:\n" + steps)
 
 
+COMPARE = "  - {kind: compare, name: compare, rings: [{count: 4, first: 359.5 deg}]}\n"
+
+
+@pytest.mark.parametrize(
+    ("steps", "sentence"),
+    [
+        (COMPARE + FIT, "step compare must come after a fit; there is none"),
+        (
+            SWEEP + FIT + COMPARE,
+            "step compare must verify at poses of its own; instead received the calibration pose "
+            "azimuth 359.5, pitch 0, roll 0 deg",
+        ),
+        (
+            FIT.replace("methods: [truth_aided]", "methods: [min_max, ellipsoid]"),
+            "judged must name methods that are fitted (min_max, ellipsoid); "
+            "instead received truth_aided",
+        ),
+        (FIT.replace("truth_aided]", "truth_aidde]"), "'truth_aided'"),
+    ],
+    ids=["before a fit", "calibration poses", "judged not fitted", "unknown method"],
+)
+def test_a_comparison_that_would_judge_nothing_is_refused(refusal_of, steps, sentence):
+    assert sentence in refusal_of(HEAD + "steps:\n" + steps)
+
+
 def test_rounds_that_never_end_are_refused(refusal_of):
     inner = "{kind: repeat, name: b, times: 1000, steps: [{kind: wait, name: c, duration: 1 s}]}"
     steps = f"  - {{kind: repeat, name: a, times: 1000, steps: [{inner}]}}\n"

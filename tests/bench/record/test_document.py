@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -41,7 +42,7 @@ def test_a_whole_run_fits_the_json_schema(record):
     assert set(record) == {
         "schema", "run", "software", "config", "bus", "station", "module", "rig", "poses", "steps",
         "measurements", "fits", "ranking", "coefficients", "deviation", "first_failure", "verdict",
-        "injected_faults", "files",
+        "injected_faults", "files", "study",
     }  # fmt: skip
     assert len(record["fits"]) == len(record["ranking"]) >= 3
     assert record["ranking"][0] == "truth_aided"
@@ -99,6 +100,19 @@ def test_poses_and_coefficients_come_back_as_they_went():
     assert coefficients_of(nested).mag_matrix == (1, 0, 0, 0, 1, 0, 0, 0, 1)
 
 
+def test_records_of_two_axes_keep_the_dip_and_older_ones_have_none():
+    written = replace(DEFAULT_COEFFICIENTS, extended_dip_deg=60.0, horizontal_mg=250.0)
+    entry = plain(written)
+    older = {
+        key: value
+        for key, value in entry.items()
+        if key not in ("extended_dip_deg", "horizontal_mg")
+    }
+
+    assert coefficients_of(entry) == written
+    assert coefficients_of(older) == DEFAULT_COEFFICIENTS
+
+
 def test_a_fit_entry_has_no_nan(site):
     from bench.calibration.fit import Fit
 
@@ -141,3 +155,11 @@ def test_a_line_that_a_crash_cut_off_is_left_out(tmp_path):
     path.write_text('{"event":"a"}\n{"event":"b"}\n{"eve')
 
     assert [event["event"] for event in read_events(path)] == ["a", "b"]
+
+
+def test_a_record_of_before_the_study_is_still_one(record):
+    del record["study"]
+    for entry in record["fits"]:
+        del entry["extended_dip_deg"]
+
+    validate_record(record)

@@ -23,25 +23,6 @@ from bench.record.report import (
 from bench.record.swing import HeadingPoint, swing_of
 
 
-@pytest.fixture(scope="module")
-def kept_runs(tmp_path_factory):
-    return tmp_path_factory.mktemp("runs")
-
-
-@pytest.fixture
-def good_run(make_run, kept_runs):
-    if not (kept_runs / "good" / "latest").exists():
-        make_run(kept_runs / "good").execute()
-    return (kept_runs / "good" / "latest").resolve()
-
-
-@pytest.fixture
-def bad_run(make_run, kept_runs):
-    if not (kept_runs / "bad" / "latest").exists():
-        make_run(kept_runs / "bad", move_hard_iron_mg=3.0).execute()
-    return (kept_runs / "bad" / "latest").resolve()
-
-
 def text_of(html):
     return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", html))
 
@@ -61,7 +42,9 @@ def test_every_chart_is_well_formed_and_none_is_missing(good_run):
 
     for chart in charts:
         ET.fromstring(chart)
-    assert sum('class="chart"' in chart for chart in charts) == 3
+    panels = 1 + len(read_record(good_run)["ranking"])
+    assert sum('class="chart"' in chart for chart in charts) == 3 + panels
+    assert sum('class="dots"' in chart for chart in charts) >= panels
     assert sum('class="bar"' in chart for chart in charts) >= 30
 
 

@@ -113,6 +113,7 @@ def test_a_recording_of_a_still_module_is_a_failure_with_a_record(bench_run, rec
     [
         (("--method", "magic"), "method must be one of"),
         (("--holdout", "some"), "holdout must be one of"),
+        (("--order", "sideways"), "order must be one of"),
         (("--unit", "parsec"), "parsec"),
         (("--declination", "nan"), "--declination must be from -180 to 180 deg"),
     ],

@@ -1,0 +1,55 @@
+"""All methods of the run on the poses of one step: study and ranking, for verify and compare."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from bench.run_context import RunContext
+
+MAXIMA: Final = ("level_max", "tilt_max", "achieved_level_max", "achieved_tilt_max")
+"""Measurements whose uncertainty is that of a method's largest error."""
+
+
+def compare_methods(context: RunContext, readings: NDArray[np.void]) -> None:
+    """Write down what every method achieves on verification poses, and which is the best.
+
+    Where the judged method is not the best, by more than the uncertainty of a largest error, an
+    event `better_method` says so: it is for the engineer and changes no verdict.
+    """
+    from bench.acceptance.method_comparison import (
+        achieved_by,
+        evaluate_rank,
+        ranking,
+        study_of,
+    )
+
+    compared = context.compute(partial(study_of, context.fits, readings, context.station))
+    achieved = achieved_by(context.fits, compared)
+    for name, fit in context.fits.items():
+        context.recorder.fit(fit, achieved[name])
+    ranked = ranking(achieved)
+    context.recorder.set("study", compared.as_dict())
+    context.recorder.set("ranking", ranked)
+    if context.judged_fit is None:
+        return
+    judged = context.judged_fit.method
+    for behind in context.judge(evaluate_rank(context.step_name, judged, achieved)):
+        uncertainty_deg = _uncertainty_deg(context)
+        if behind.value > uncertainty_deg:
+            context.event(
+                "better_method",
+                judged=judged,
+                best=ranked[0],
+                behind_deg=behind.value,
+                uncertainty_deg=uncertainty_deg,
+            )
+
+
+def _uncertainty_deg(context: RunContext) -> float:
+    limits = (context.limits.get(name) for name in MAXIMA)
+    return max((limit.uncertainty for limit in limits if limit is not None), default=0.0)

@@ -1,0 +1,91 @@
+"""Each paper is reproduced once on the virtual bench, and the page in docs is what comes out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from bench.cli.laboratory import open_laboratory
+from bench.reproduction.figures import drawing_style, svg_of
+from bench.reproduction.page import document_of, markdown_of
+from bench.reproduction.papers import PAPERS, reproduce
+
+if TYPE_CHECKING:
+    from bench.reproduction.result import Reproduction
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "papers"
+LARGEST_BYTES = 150_000
+ONE_PROCESS_A_PAPER = [
+    pytest.param(paper, marks=pytest.mark.xdist_group(f"paper_{paper}")) for paper in PAPERS
+]
+
+
+@pytest.fixture(scope="session", params=ONE_PROCESS_A_PAPER)
+def reproduction(request: pytest.FixtureRequest) -> Reproduction:
+    return reproduce(request.param, open_laboratory)
+
+
+def published(paper: str) -> dict[str, Any]:
+    document = json.loads((PAGE / "results.json").read_text(encoding="utf-8"))
+    return next(entry for entry in document["papers"] if entry["paper"] == paper)
+
+
+def assert_same(ours: Any, theirs: Any) -> None:
+    """Texts equal, numbers to a millionth, all the way down."""
+    if isinstance(ours, dict):
+        assert ours.keys() == theirs.keys()
+        for key, value in ours.items():
+            assert_same(value, theirs[key])
+    elif isinstance(ours, list):
+        assert len(ours) == len(theirs)
+        for one, other in zip(ours, theirs, strict=True):
+            assert_same(one, other)
+    elif isinstance(ours, float):
+        assert theirs == pytest.approx(ours, rel=1e-6, abs=1e-9)
+    else:
+        assert ours == theirs
+
+
+def test_every_number_of_the_paper_holds(reproduction: Reproduction) -> None:
+    missed = [
+        f"{number.where}, {number.quantity}: {number.ours:g} for "
+        f"{number.published if number.exact is None else number.exact:g} +- {number.tolerance:g}"
+        for number in reproduction.numbers
+        if not number.holds
+    ]
+
+    assert reproduction.numbers
+    assert missed == []
+
+
+def test_results_in_docs_are_what_the_code_gives(reproduction: Reproduction) -> None:
+    """After a change: `make papers`."""
+    (ours,) = document_of([reproduction])["papers"]
+
+    assert_same(ours, published(reproduction.paper))
+
+
+def test_every_figure_draws_small_and_stands_on_the_page(reproduction: Reproduction) -> None:
+    page = (PAGE / "README.md").read_text(encoding="utf-8")
+    section = markdown_of([reproduction])
+    for figure in reproduction.figures:
+        with drawing_style():
+            svg = svg_of(figure.draw())
+
+        assert ET.fromstring(svg).tag.endswith("svg")
+        assert len(svg) < LARGEST_BYTES, figure.name
+        assert (PAGE / f"{figure.name}.svg").stat().st_size < LARGEST_BYTES
+        assert f"({figure.name}.svg)" in page
+        assert f"({figure.name}.svg)" in section
+
+
+def test_no_figure_is_left_over_in_docs() -> None:
+    document = json.loads((PAGE / "results.json").read_text(encoding="utf-8"))
+    named = {f"{name}.svg" for entry in document["papers"] for name in entry["figures"]}
+
+    assert named == {path.name for path in PAGE.glob("*.svg")}
+    assert [entry["paper"] for entry in document["papers"]] == list(PAPERS)
