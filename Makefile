@@ -41,6 +41,7 @@ good-units: $(VENV)/runtime.ok compiled
 benchmark: $(VENV)/dev.ok compiled
 	$(BIN)/python benchmarks/ticks.py
 	$(BIN)/python benchmarks/dashboard.py
+	$(BIN)/python benchmarks/fits.py
 
 # The page of the reproduced papers.
 papers: $(VENV)/runtime.ok compiled

@@ -7,8 +7,8 @@ negative at half of all alpha, then 'or 1, what is bigger' in (7) drops the scal
 H1 and H3 alone takes in a second harmonic. Here A = hypot(H1 - H3, H2 - H4)/2,
 alpha = atan2(H1 - H3, H2 - H4) and c is the mean of the four.
 
-Four readings a quarter turn apart see less of an error that is no sine than a whole turn does;
-they take a tenth of the time.
+A second harmonic of an axis drops out of the mean of four; of a fourth one, which a whole turn
+averages, four readings see all.
 
 References
 ----------
@@ -29,6 +29,7 @@ from bench.calibration.level_kernel import (
     LevelFits,
     PrintedFormula,
     accepted_or_neutral,
+    circle_of_amplitudes,
     first_cause,
     reading_covariance,
     refused_cause,
@@ -179,19 +180,14 @@ def four_position_batch(
     chi2 = 2.0 * (misclosure**2).sum(axis=-1) / field_sd_mg**2
     sd_mg = field_sd_mg * np.sqrt(np.maximum(chi2, 1.0))
     covariance = _covariance(amplitude, alpha, sd_mg, position_sd_deg)
-    safe = np.where((cause != 0)[..., None], 1.0, amplitude)
-    mean_mg = safe.mean(axis=-1)
-    horizontal = mean_mg if horizontal_mg is None else np.broadcast_to(horizontal_mg, mean_mg.shape)
+    matrix, horizontal = circle_of_amplitudes(amplitude, cause, horizontal_mg)
     offset, matrix, covariance = accepted_or_neutral(
-        cause,
-        readings.mean(axis=-2),
-        np.eye(2) * (horizontal[..., None] / safe)[..., None, :],
-        covariance,
+        cause, readings.mean(axis=-2), matrix, covariance
     )
     return FourPositionFits(
         offset_mg=offset,
         matrix=matrix,
-        horizontal_mg=np.asarray(horizontal, dtype=float),
+        horizontal_mg=horizontal,
         covariance=covariance,
         residual_rms_mg=np.sqrt((misclosure**2).mean(axis=-1)),
         chi2_reduced=chi2,

@@ -153,6 +153,19 @@ def accepted_or_neutral(
     )
 
 
+def circle_of_amplitudes(
+    amplitude_mg: NDArray[np.float64], cause: NDArray[np.int8], horizontal_mg: ArrayLike | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return diag(H/A), shape (..., 2, 2), and H: the field given, else the mean amplitude."""
+    safe_mg = np.where((cause != 0)[..., None], 1.0, amplitude_mg)
+    mean_mg = safe_mg.mean(axis=-1)
+    horizontal = np.array(
+        np.broadcast_to(mean_mg if horizontal_mg is None else horizontal_mg, mean_mg.shape),
+        dtype=float,
+    )
+    return np.eye(2) * (horizontal[..., None] / safe_mg)[..., None, :], horizontal
+
+
 def largest_gap_deg(horizontal: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the largest gap, shape (...), between neighbouring directions (..., n, 2).
 

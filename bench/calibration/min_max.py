@@ -29,6 +29,7 @@ from bench.calibration.level_kernel import (
     SMALLEST_SWING,
     LevelFits,
     accepted_or_neutral,
+    circle_of_amplitudes,
     disturbed_units,
     first_cause,
     largest_gap_deg,
@@ -128,17 +129,15 @@ def min_max_batch(
         (Cause.DEGENERATE, beyond),
         *_causes(readings, amplitude, unit, radial, field_sd_mg),
     )
-    horizontal = mean_mg if horizontal_mg is None else np.broadcast_to(horizontal_mg, mean_mg.shape)
     noise = field_sd_mg**2 / 2.0 * np.maximum(chi2, 1.0)
     coarse = _coarseness_mg(unit, safe)
     covariance = np.eye(4) * noise[..., None, None] + coarse[..., None] * coarse[..., None, :]
-    offset, matrix, covariance = accepted_or_neutral(
-        cause, offset, np.eye(2) * (horizontal[..., None] / safe)[..., None, :], covariance
-    )
+    matrix, horizontal = circle_of_amplitudes(amplitude, cause, horizontal_mg)
+    offset, matrix, covariance = accepted_or_neutral(cause, offset, matrix, covariance)
     return MinMaxFits(
         offset_mg=offset,
         matrix=matrix,
-        horizontal_mg=np.asarray(horizontal, dtype=float),
+        horizontal_mg=horizontal,
         covariance=covariance,
         residual_rms_mg=np.sqrt((radial**2).mean(axis=-1)),
         chi2_reduced=chi2,

@@ -9,7 +9,7 @@ iron are left; they show as a residual.
 References
 ----------
 .. [1] M. J. Caruso, "Applications of Magnetic Sensors for Low Cost Compass Systems", PLANS
-   2000, compass installation.
+   2000, nearby ferrous materials.
 """
 
 from __future__ import annotations
@@ -159,15 +159,10 @@ def three_headings_batch(
     heading = _headings(heading_deg, readings.shape[:-1])
     gap_deg = largest_azimuth_gap_deg(heading)
     spread = gap_deg <= LARGEST_GAP_DEG
-    thirds = np.arange(heading.shape[-1]) * 360.0 / heading.shape[-1]
-    design = _design(np.where(spread[..., None], heading, thirds))
-    inverse = np.asarray(np.linalg.pinv(design), dtype=float)
-    values = readings.reshape(*readings.shape[:-2], -1, 1)
-    solution = (inverse @ values)[..., 0]
-    squares = ((values - design @ solution[..., None]) ** 2).sum(axis=(-1, -2))
+    inverse, solution, squares = _solved(readings, heading, spread)
     cosine, sine = solution[..., 2], solution[..., 3]
     gain, index = np.hypot(cosine, sine), np.arctan2(sine, cosine)
-    rms = np.sqrt(squares / values.shape[-2])
+    rms = np.sqrt(squares / (2 * heading.shape[-1]))
     cause = first_cause(
         (Cause.DEGENERATE, beyond),
         (Cause.POSITIONS_NOT_SQUARE, ~spread),
@@ -175,7 +170,7 @@ def three_headings_batch(
         (Cause.RESIDUAL_TOO_LARGE, rms > LARGEST_RESIDUAL * gain),
     )
     safe = np.where(cause != 0, 1.0, gain)
-    chi2 = squares / field_sd_mg**2 / (values.shape[-2] - 4)
+    chi2 = squares / field_sd_mg**2 / (2 * heading.shape[-1] - 4)
     sd_mg = np.asarray(field_sd_mg * np.sqrt(np.maximum(chi2, 1.0)), dtype=float)
     covariance = _covariance(inverse, safe, index, heading, sd_mg, heading_sd_deg)
     horizontal = safe if horizontal_mg is None else np.broadcast_to(horizontal_mg, safe.shape)
@@ -205,6 +200,22 @@ def _headings(heading_deg: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.floa
         message = "heading_deg must be finite; instead received a value that is not"
         raise ValueError(message)
     return heading
+
+
+def _solved(
+    readings: NDArray[np.float64], heading_deg: NDArray[np.float64], spread: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the design's inverse (..., 4, 2 n), the unknowns (..., 4) and the sum of squares.
+
+    Where the headings are not spread, thirds stand for them: the unit is refused.
+    """
+    thirds = np.arange(heading_deg.shape[-1]) * 360.0 / heading_deg.shape[-1]
+    design = _design(np.where(spread[..., None], heading_deg, thirds))
+    inverse = np.asarray(np.linalg.pinv(design), dtype=float)
+    values = readings.reshape(*readings.shape[:-2], -1, 1)
+    solution = inverse @ values
+    squares = ((values - design @ solution) ** 2).sum(axis=(-1, -2))
+    return inverse, solution[..., 0], squares
 
 
 def _design(heading_deg: NDArray[np.float64]) -> NDArray[np.float64]:

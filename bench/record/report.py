@@ -61,6 +61,35 @@ def rewrite_report(run_dir: Path) -> Path:
 
 def report_of(run_dir: Path, record: Mapping[str, Any]) -> str:
     """Return the report as HTML."""
+    swing = swing_of(run_dir, record)
+    rows = report_rows(record)
+    bands = _bands(rows)
+    missed = [row for row in rows if row["outcome"] in (Outcome.FAIL, Outcome.ERROR)]
+    close = [row for row in rows if row["outcome"] == Outcome.MARGINAL]
+    verdict = record["verdict"] or _VERDICT_OF_NONE
+    return (
+        _environment()
+        .get_template(TEMPLATE)
+        .render(
+            record=RecordDocument.model_validate(record).model_dump(mode="json", by_alias=True),
+            verdict=verdict,
+            symbol=SYMBOLS[Outcome(verdict["outcome"])],
+            symbols=SYMBOLS,
+            rows=rows,
+            judged=sum(row["limited"] for row in rows),
+            attention=sorted(missed, key=lambda r: r["name"] != record["first_failure"]) + close,
+            steps=list(dict.fromkeys(row["step"] for row in rows)),
+            charts=_charts(swing, record, bands),
+            computed_by=method_words(swing.compensated_by) if swing.compensated_by else "",
+            shown=_headlines(rows),
+            two_axis=record["module"].get("part") == PART_TWO_AXIS,
+            **method_section(swing, record, {band.name: band.limit_deg for band in bands}),
+            repeated=[entry for entry in record["steps"] if entry["attempt"] > 1],
+        )
+    )
+
+
+def _environment() -> Environment:
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -79,28 +108,7 @@ def report_of(run_dir: Path, record: Mapping[str, Any]) -> str:
         spoken=spoken,
         rounded=rounded,
     )
-    swing = swing_of(run_dir, record)
-    rows = report_rows(record)
-    bands = _bands(rows)
-    missed = [row for row in rows if row["outcome"] in (Outcome.FAIL, Outcome.ERROR)]
-    close = [row for row in rows if row["outcome"] == Outcome.MARGINAL]
-    verdict = record["verdict"] or _VERDICT_OF_NONE
-    return environment.get_template(TEMPLATE).render(
-        record=RecordDocument.model_validate(record).model_dump(mode="json", by_alias=True),
-        verdict=verdict,
-        symbol=SYMBOLS[Outcome(verdict["outcome"])],
-        symbols=SYMBOLS,
-        rows=rows,
-        judged=sum(row["limited"] for row in rows),
-        attention=sorted(missed, key=lambda r: r["name"] != record["first_failure"]) + close,
-        steps=list(dict.fromkeys(row["step"] for row in rows)),
-        charts=_charts(swing, record, bands),
-        computed_by=method_words(swing.compensated_by) if swing.compensated_by else "",
-        shown=_headlines(rows),
-        two_axis=record["module"].get("part") == PART_TWO_AXIS,
-        **method_section(swing, record, {band.name: band.limit_deg for band in bands}),
-        repeated=[entry for entry in record["steps"] if entry["attempt"] > 1],
-    )
+    return environment
 
 
 def report_rows(record: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -144,7 +144,7 @@ def _draw(turns: dict[float, Accelerated], brakings: dict[float, Accelerated]) -
         draw_exact(left, EVERYWHERE_DEG, exact_deg, color=color)
         draw_measured(left, one.swing.azimuth_deg, one.swing.error_deg, color=color)
     note(left, 182.0, 27.5, "turn", color=BLUE)
-    note(left, 300.0, -14.5, "braking", color=RED, ha="center")
+    note(left, 45.0, 13.5, "braking", color=RED, ha="center")
     heading_axis(left)
     error_axis(left)
     for axes, title in zip((left, middle, right), _TITLES, strict=True):

@@ -83,6 +83,14 @@ class BudgetSwing:
     field_rms_mg: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noise:
+    """Standard deviations at one pose: of x and y, and of the heading."""
+
+    field_mg: float
+    heading_deg: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Budget:
     """All that was measured of Table 1.
@@ -93,14 +101,13 @@ class Budget:
         By source, as data sheets define it.
     swings : dict of str to BudgetSwing
         By source, and of all together.
-    single_deg, pair_deg : float
-        Heading noise of a set reading alone and of a (set - reset)/2.
+    noise : dict of str to Noise
+        Of ``"set"`` readings alone and of ``"pair"``s, (set - reset)/2.
     """
 
     field_mg: dict[str, float]
     swings: dict[str, BudgetSwing]
-    single_deg: float
-    pair_deg: float
+    noise: dict[str, Noise]
 
     @property
     def total_mg(self) -> float:
@@ -125,61 +132,75 @@ def across_deg(field_mg: float) -> float:
 def measure_budget(open_laboratory: OpenLaboratory) -> Budget:
     """Switch the error sources on one at a time and measure each, then all together."""
     with open_laboratory(UNITS["noise"]) as laboratory:
-        noise_mg, single_deg, pair_deg, noise_swing = _noise(laboratory)
-    field_mg = {"noise": noise_mg}
-    swings = {"noise": noise_swing}
+        noise = _noise(laboratory)
+        swings = {"noise": _swung_by_pair(laboratory)}
     for source in SOURCES[1:]:
         with open_laboratory(UNITS[source]) as laboratory:
             swings[source] = _swung(laboratory, SWINGS[source])
-    wide = replace(UNITS["linearity"], horizontal_mg=FULL_SCALE_MG, range_mg=_RANGE_MG)
-    with open_laboratory(wide) as laboratory:
+    with open_laboratory(ALL) as laboratory:
+        swings["all"] = _swung(laboratory, SWINGS["all"])
+    field_mg = {
+        "noise": noise["set"].field_mg,
+        "linearity": _linearity_mg(open_laboratory),
+        "hysteresis": _hysteresis_mg(open_laboratory),
+        "repeatability": swings["repeatability"].field_rms_mg,
+    }
+    return Budget(field_mg=field_mg, swings=swings, noise=noise)
+
+
+def _noise(laboratory: Laboratory) -> dict[str, Noise]:
+    laboratory.measure(headings([45.0]))
+    samples = laboratory.listen(NOISE_S)
+    pairs_mg = (samples["set_mg"] - samples["reset_mg"]) / 2.0
+    return {
+        name: Noise(
+            field_mg=float(np.sqrt(field_mg[:, :2].var(axis=0, ddof=1).mean())),
+            heading_deg=float(compensated_heading_deg(None, field_mg).std(ddof=1)),
+        )
+        for name, field_mg in (("set", samples["set_mg"]), ("pair", pairs_mg))
+    }
+
+
+def _swung_by_pair(laboratory: Laboratory) -> BudgetSwing:
+    """Return one turn of 24 headings whose readings are single pairs."""
+    azimuths_deg, fields_mg = [], []
+    for pose in turn(24):
+        azimuth_deg = laboratory.measure([pose])["rig_azimuth_deg"][0]
+        samples = laboratory.listen(0.05)
+        fields_mg.append((samples["set_mg"] - samples["reset_mg"]) / 2.0)
+        azimuths_deg.append(np.full(len(samples), azimuth_deg))
+    azimuth_deg, field_mg = np.concatenate(azimuths_deg), np.concatenate(fields_mg)
+    return BudgetSwing(
+        azimuth_deg=azimuth_deg,
+        error_deg=wrap_180_deg(compensated_heading_deg(None, field_mg) - azimuth_deg),
+        clockwise=np.ones(len(azimuth_deg), dtype=bool),
+        field_rms_mg=_field_rms_mg(field_mg, azimuth_deg),
+    )
+
+
+def _linearity_mg(open_laboratory: OpenLaboratory) -> float:
+    """Return the largest distance from the line through the ends of the full scale."""
+    unit = replace(UNITS["linearity"], horizontal_mg=FULL_SCALE_MG, range_mg=_RANGE_MG)
+    with open_laboratory(unit) as laboratory:
         x_mg = _swept(laboratory, np.arccos(SWEEP_MG / FULL_SCALE_MG), -1)
-    field_mg["linearity"] = _off_the_line_mg(x_mg)
-    wide = replace(
+    slope = (x_mg[-1] - x_mg[0]) / (2.0 * FULL_SCALE_MG)
+    middle_mg = (x_mg[-1] + x_mg[0]) / 2.0
+    return largest(x_mg - middle_mg - slope * SWEEP_MG)
+
+
+def _hysteresis_mg(open_laboratory: OpenLaboratory) -> float:
+    """Return the largest gap between rising and falling field within the full scale."""
+    unit = replace(
         UNITS["hysteresis"],
         horizontal_mg=FULL_SCALE_MG,
         range_mg=_RANGE_MG,
         azimuth_acceleration_dps2=5.0,
     )
-    with open_laboratory(wide) as laboratory:
-        down_rad = np.arccos(SWEEP_MG[::4] / FULL_SCALE_MG)
-        rising_mg = _swept(laboratory, down_rad, -1)
-        falling_mg = _swept(laboratory, down_rad[::-1], 1)[::-1]
-    field_mg["hysteresis"] = largest(rising_mg - falling_mg)
-    field_mg["repeatability"] = swings["repeatability"].field_rms_mg
-    with open_laboratory(ALL) as laboratory:
-        swings["all"] = _swung(laboratory, SWINGS["all"])
-    return Budget(field_mg=field_mg, swings=swings, single_deg=single_deg, pair_deg=pair_deg)
-
-
-def _noise(laboratory: Laboratory) -> tuple[float, float, float, BudgetSwing]:
-    """Return noise of a reading and of headings, and single pairs at 24 headings as a swing."""
-    laboratory.measure(headings([45.0]))
-    samples = laboratory.listen(NOISE_S)
-    set_mg = samples["set_mg"]
-    pair_mg = (set_mg - samples["reset_mg"]) / 2.0
-    noise_mg = float(np.sqrt(set_mg[:, :2].var(axis=0, ddof=1).mean()))
-    single_deg, pair_deg = (
-        float(wrap_180_deg(compensated_heading_deg(None, field_mg)).std(ddof=1))
-        for field_mg in (set_mg, pair_mg)
-    )
-    azimuths_deg, errors_deg, fields_mg = [], [], []
-    for pose in turn(24):
-        readings = laboratory.measure([pose])
-        pairs = laboratory.listen(0.05)
-        pairs_mg = (pairs["set_mg"] - pairs["reset_mg"]) / 2.0
-        found_deg = compensated_heading_deg(None, pairs_mg)
-        errors_deg.append(wrap_180_deg(found_deg - readings["rig_azimuth_deg"][0]))
-        azimuths_deg.append(np.full(len(pairs), readings["rig_azimuth_deg"][0]))
-        fields_mg.append(pairs_mg)
-    azimuth_deg = np.concatenate(azimuths_deg)
-    swing = BudgetSwing(
-        azimuth_deg=azimuth_deg,
-        error_deg=np.concatenate(errors_deg),
-        clockwise=np.ones(len(azimuth_deg), dtype=bool),
-        field_rms_mg=_field_rms_mg(np.concatenate(fields_mg), azimuth_deg),
-    )
-    return noise_mg, single_deg, pair_deg, swing
+    azimuth_rad = np.arccos(SWEEP_MG[::4] / FULL_SCALE_MG)
+    with open_laboratory(unit) as laboratory:
+        rising_mg = _swept(laboratory, azimuth_rad, -1)
+        falling_mg = _swept(laboratory, azimuth_rad[::-1], 1)[::-1]
+    return largest(rising_mg - falling_mg)
 
 
 def _swung(laboratory: Laboratory, times: int) -> BudgetSwing:
@@ -213,10 +234,3 @@ def _swept(
     """Return x at azimuths approached from one side, shape (n,)."""
     readings = laboratory.measure(headings(np.rad2deg(azimuth_rad)), direction=direction)
     return np.asarray(readings["field_mg"][:, 0], dtype=float)
-
-
-def _off_the_line_mg(x_mg: NDArray[np.float64]) -> float:
-    """Return the largest distance from the line through the ends of the scale."""
-    slope = (x_mg[-1] - x_mg[0]) / (2.0 * FULL_SCALE_MG)
-    middle_mg = (x_mg[-1] + x_mg[0]) / 2.0
-    return largest(x_mg - middle_mg - slope * SWEEP_MG)

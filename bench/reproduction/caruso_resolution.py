@@ -114,9 +114,9 @@ def _numbers(ratio: float, stairs: Staircase) -> list[Published]:
         )
     ]
     for quantity, published, span_mg in (
-        ("bits over 200 mG ('9+')", 9.163, HORIZONTAL_MG),
-        ("bits over +-200 mG ('10+')", 10.163, 2.0 * HORIZONTAL_MG),
-        ("bits over +-800 mG", 12.163, SPAN_MG),
+        ("bits needed over 200 mG ('9+')", 9.163, HORIZONTAL_MG),
+        ("bits needed over +-200 mG ('10+')", 10.163, 2.0 * HORIZONTAL_MG),
+        ("bits needed over +-800 mG", 12.163, SPAN_MG),
     ):
         numbers.append(
             Published(

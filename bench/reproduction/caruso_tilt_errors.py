@@ -53,7 +53,7 @@ Swings: TypeAlias = dict[tuple[float, tuple[float, float]], Swing]
 def reproduce_tilt_errors(open_laboratory: OpenLaboratory) -> Reproduction:
     """Measure Fig. 14."""
     swings = {
-        (dip_deg, errors_deg): _misread(open_laboratory, dip_deg, errors_deg, 12)
+        (dip_deg, errors_deg): _misread(open_laboratory, dip_deg, errors_deg, 8)
         for dip_deg in DIPS_DEG
         for errors_deg in TILT_ERRORS_DEG
     }
@@ -65,7 +65,7 @@ def reproduce_tilt_errors(open_laboratory: OpenLaboratory) -> Reproduction:
         title="Fig. 14: heading error due to errors of pitch and roll",
         caption=(
             "The accelerometer's zeros are shifted so that pitch and roll are read wrong by "
-            "the angles given (.2P/.2R: 0.2 deg of both). Dots: measured at 12 headings; "
+            "the angles given (.2P/.2R: 0.2 deg of both). Dots: measured at 8 headings; "
             "lines: exact. The error is tan(dip) times the tilt error, so the paper's 0.5 deg "
             "for 0.3 deg of pitch belongs to dip 59 deg, which it does not say; its Fig. 4 "
             "is drawn for 40 deg. Last panel: largest error for 0.3 deg of pitch against dip."

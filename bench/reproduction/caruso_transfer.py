@@ -153,8 +153,8 @@ def _numbers(
     g_counts = (0.001, counts)
     warmest = f"{TEMPERATURES_C[0]:.0f} and {TEMPERATURES_C[-1]:.0f} deg C"
     return [
-        claimed_zero("Fig. 5", f"field where {warmest} cross", "G", pivot_g, g_counts),
-        claimed_zero("Fig. 6", "field where set and reset cross", "G", crossing_g, g_counts),
+        claimed_zero("Fig. 5", f"field where {warmest} cross", "G", abs(pivot_g), g_counts),
+        claimed_zero("Fig. 6", "field where set and reset cross", "G", abs(crossing_g), g_counts),
         Published(
             where="Fig. 6",
             quantity="output where set and reset cross",

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
     from bench.reproduction.laboratory import Laboratory
 
-AZIMUTH_DEG: Final = np.arange(0.0, 361.0, 30.0)
-TILT_DEG: Final = np.arange(-60.0, 61.0, 15.0)
+AZIMUTH_DEG: Final = np.arange(0.0, 361.0, 45.0)
+TILT_DEG: Final = np.arange(-60.0, 61.0, 20.0)
 CUT_DEG: Final = 30.0
 CUT_AZIMUTH_DEG: Final = np.arange(0.0, 360.0, 15.0)
 DIP_STEP_DEG: Final = 0.5
@@ -47,7 +47,7 @@ class BlindMap:
 
     Attributes
     ----------
-    by_pitch, by_roll : ndarray, shape (13, 9)
+    by_pitch, by_roll : ndarray, shape (9, 7)
         At `AZIMUTH_DEG` and `TILT_DEG`.
     cuts : dict
         At `CUT_AZIMUTH_DEG` for a tilt of 30 deg: "pitch", "roll", "pitch and roll".

@@ -22,7 +22,6 @@ from bench.reproduction.konvalin_figures import (
     draw_soft_iron,
 )
 from bench.reproduction.konvalin_iron import (
-    AXES_DEG,
     AXIS_RATIO,
     FIG_9_DEG,
     HARD_IRON_MG,
@@ -197,8 +196,8 @@ def _ellipse_numbers(straight: Corrected, rotated: Corrected, skewed: Corrected)
 
 
 def _soft_iron_numbers(study: SoftIronStudy) -> list[Published]:
-    at = AXES_DEG.index(OBLIQUE_DEG)
-    oblique = np.array([axis % 90.0 != 0.0 for axis in AXES_DEG])
+    at = int(np.flatnonzero(study.axis_deg == OBLIQUE_DEG)[0])
+    oblique = study.axis_deg % 90.0 != 0.0
     return [
         Published(
             where="(3)-(7)",

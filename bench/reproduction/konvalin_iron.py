@@ -141,12 +141,17 @@ def stages_mg(found: Corrected) -> list[NDArray[np.float64]]:
     return [aligned, scaled, scaled @ rotation]
 
 
-def soft_iron_study(open_laboratory: OpenLaboratory) -> SoftIronStudy:
-    """Compensate noisy turns of ellipses of several directions by each formula."""
+def soft_iron_study(
+    open_laboratory: OpenLaboratory, axes_deg: tuple[float, ...] = AXES_DEG
+) -> SoftIronStudy:
+    """Compensate noisy turns of ellipses of several directions by each formula.
+
+    `axes_deg` must hold `OBLIQUE_DEG`.
+    """
     failed, largest = [], []
     oblique: dict[str, NDArray[np.float64]] = {}
     oblique_azimuth_deg = np.zeros(0)
-    for axis_deg in AXES_DEG:
+    for axis_deg in axes_deg:
         judged, ways = _noisy_ways(open_laboratory, ellipse(axis_deg))
         left = {name: largest_error_deg(way, judged) for name, way in ways.items()}
         failed.append((left["angle"] > FAILED_DEG).mean())
@@ -157,7 +162,7 @@ def soft_iron_study(open_laboratory: OpenLaboratory) -> SoftIronStudy:
             }
             oblique_azimuth_deg = judged.azimuth_deg
     return SoftIronStudy(
-        axis_deg=np.array(AXES_DEG),
+        axis_deg=np.array(axes_deg),
         failed=np.array(failed),
         largest_deg={name: np.array([one[name] for one in largest]) for name in largest[0]},
         azimuth_deg=oblique_azimuth_deg,

@@ -116,16 +116,21 @@ class OrderStudy:
     own_tilt_deg: tuple[float, float]
 
 
-def measured_orders(open_laboratory: OpenLaboratory) -> OrderStudy:
-    """Compensate the same readings in each order, at a grid of attitudes and the named ones."""
+def measured_orders(
+    open_laboratory: OpenLaboratory, tilts_deg: tuple[float, ...] = TILTS_DEG
+) -> OrderStudy:
+    """Compensate the same readings in each order, at a grid of attitudes and the named ones.
+
+    `tilts_deg` must hold -30, 0 and 30.
+    """
     setup = replace(SITE, hard_iron_mg=IRON_MG)
     with open_laboratory(setup) as laboratory:
-        mapped = laboratory.measure(_grid())
+        mapped = laboratory.measure(_grid(tilts_deg))
         named = [laboratory.measure(turn(36, *tilt)) for tilt in NAMED_TILTS_DEG]
     fit = fit_truth_aided(calibration_data(mapped[_calibrated(mapped)], setup))
-    grid = mapped.reshape(len(TILTS_DEG), len(TILTS_DEG), MAP_HEADINGS)
+    grid = mapped.reshape(len(tilts_deg), len(tilts_deg), MAP_HEADINGS)
     ways = (Order.BODY, Order.TILT_FIRST, Order.TILT_REVERSED, BANK)
-    level = grid[TILTS_DEG.index(0.0), TILTS_DEG.index(0.0)]
+    level = grid[tilts_deg.index(0.0), tilts_deg.index(0.0)]
     own = _fit_after_levelling(named[0])
     return OrderStudy(
         mapped_deg={
@@ -142,12 +147,12 @@ def measured_orders(open_laboratory: OpenLaboratory) -> OrderStudy:
     )
 
 
-def _grid() -> list[Attitude]:
+def _grid(tilts_deg: tuple[float, ...]) -> list[Attitude]:
     """Return a turn at every pair of tilts, pitch outermost."""
     return [
         pose
-        for pitch_deg in TILTS_DEG
-        for roll_deg in TILTS_DEG
+        for pitch_deg in tilts_deg
+        for roll_deg in tilts_deg
         for pose in turn(MAP_HEADINGS, pitch_deg, roll_deg)
     ]
 

@@ -235,12 +235,11 @@ def _figures(
             title="Where four positions beat min-max and where not",
             caption="Medians; bands are 5 to 95 % of 25 noisy turns from all first positions (a), "
             "of 400 placements (d), or all first positions (b, c). a: the extremes stand on two "
-            "readings an axis, the four positions on four, until a turn of many readings with "
-            "much noise catches up. b: min-max takes a third harmonic whole, four positions at "
+            "readings an axis, the four positions on four. b: min-max takes a third harmonic whole, four positions at "
             "0 and 90 deg only. c: a second harmonic from one polarity costs both the same, and "
             "more only by the printed c. d: a robot turned by hand, noise 2 mG; min-max is better "
-            f"from {crossing_deg:.1f} deg of positioning error, "
-            "it does not ask where the module stood.",
+            f"from {crossing_deg:.1f} deg of positioning error, as it does not ask where the module "
+            "stood.",
             draw=lambda: draw_study(study),
         ),
         PaperFigure(
@@ -264,10 +263,10 @@ def _remarks(turn: Turn, study: Study) -> list[str]:
         "Skula's magnetometer is read in one polarity, so his figures take the module's set "
         "readings; noise and positioning take (set - reset)/2. The horizontal field is 250 mG, "
         "the converter has 16 bits, nothing else is wrong with module and rig.",
-        f"The product's four_position refuses fours whose H1 + H3 and H2 + H4 disagree: {refused} "
-        "of the 72 first positions of Fig. 2 (the second harmonic opens them), and "
-        f"{100.0 * at_three:.0f} % of those placed with a standard deviation of 3 deg. The "
-        "figures show what it would have got.",
+        "The product's four_position reads (set - reset)/2, which has no second harmonic, and "
+        f"refuses fours whose H1 + H3 and H2 + H4 disagree: {refused} of the 72 of Fig. 2 as read "
+        f"in one polarity, and {100.0 * at_three:.0f} % of those placed with a standard deviation "
+        "of 3 deg. The figures show what it would have got.",
         "Four positions know where the module stands and min-max does not: a quarter turn missed "
         f"by {study.positioning.crossing_deg:.1f} deg costs as much as the noise of 2 mG that "
         "they average better. For a robot turned by hand min-max is the better method, for a rig "

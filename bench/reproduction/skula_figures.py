@@ -186,7 +186,8 @@ def draw_rig_times(times: list[RigTime]) -> Figure:
             time.seconds, time.error_deg, "o" if ours else "s",
             color=figures.BLUE if ours else figures.INK, markersize=5.0,
         )  # fmt: skip
-        figures.note(axes, time.seconds, time.error_deg - 0.015, time.name, ha="center", va="top")
+        shift_deg, va = (-0.015, "top") if ours else (0.015, "bottom")
+        figures.note(axes, time.seconds, time.error_deg + shift_deg, time.name, ha="center", va=va)
     axes.set_xlim(0.0, 40.0)
     axes.set_ylim(0.0, 1.25 * max(time.error_deg for time in times))
     axes.set_xlabel("time on the rig (s)")

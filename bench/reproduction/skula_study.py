@@ -53,7 +53,8 @@ MIN_MAX_POSITIONS: Final = (4, 8, 12, 24)
 RIG_NOISE_MG: Final = 3.3
 """Half the difference of set and reset reading then has a noise of 2 mG."""
 FINE_NOISE_MG: Final = 7.4
-"""The mean of a dwell of five samples then has a noise of 2 mG."""
+READING_SD_MG: Final = 2.0
+"""Noise of the mean of a dwell of five samples that are as noisy as `FINE_NOISE_MG`."""
 DWELL_S: Final = 0.5
 PERCENTILES: Final = (5.0, 50.0, 95.0)
 
@@ -156,7 +157,9 @@ def measured_study(open_laboratory: OpenLaboratory) -> Study:
     )
 
 
-def noise_study(open_laboratory: OpenLaboratory) -> dict[str, Spread]:
+def noise_study(
+    open_laboratory: OpenLaboratory, noises_mg: tuple[float, ...] = NOISES_MG
+) -> dict[str, Spread]:
     """Return errors over noise of four positions (`four`) and min-max of 24 (`min_max`).
 
     Beside them four positions with as many readings as the turn has (`averaged`), and min-max of
@@ -167,7 +170,7 @@ def noise_study(open_laboratory: OpenLaboratory) -> dict[str, Spread]:
         name: [] for name in ("four", "averaged", "extremes", "min_max")
     }
     share, measured_mg = COARSE // 4, []
-    for noise_mg in NOISES_MG:
+    for noise_mg in noises_mg:
         setup = replace(ROBOT, noise_mg=noise_mg)
         turns_mg = noisy_turns(open_laboratory, setup, COARSE, TURNS * share).field_mg
         measured_mg.append(float(turns_mg.std(axis=0).mean()))
@@ -237,7 +240,7 @@ def positioning_study(open_laboratory: OpenLaboratory) -> Positioning:
         four.append(mean_error_deg(by_four(four_mg), judged))
         extremes = min_max_batch(fine.field_mg[coarse % 360], FIELD_SD_MG)
         min_max.append(mean_error_deg(extremes, judged))
-        refused.append((four_position_batch(four_mg, FIELD_SD_MG).cause != 0).mean())
+        refused.append((four_position_batch(four_mg, READING_SD_MG).cause != 0).mean())
         drawn_deg.append(float((squares - first - np.arange(4) * 90).std()))
     by_squares, by_extremes = _spread(drawn_deg, four), _spread(drawn_deg, min_max)
     difference_deg = by_squares.middle_deg - by_extremes.middle_deg

@@ -46,7 +46,7 @@ def other_unit(**changes: Any) -> Any:
     ("where", "quantity", "printed", "ours", "within"),
     [
         ("(4)", "Xh/Yh", 573.0, 573.0, 2.0),
-        ("(4)", "bits over +-800 mG", 12.163, 12.163, 0.005),
+        ("(4)", "bits needed over +-800 mG", 12.163, 12.163, 0.005),
         ("(4)", "one count", 0.39, 0.390625, 1e-6),
         ("(4)", "heading step", 0.1, 0.112, 0.003),
         ("Table 1", "noise: standard", 0.085, 0.085, 0.003),

@@ -68,7 +68,7 @@ def test_arcsin_loses_the_sign_of_x_for_half_of_noisy_turns() -> None:
 def test_arcsin_mirrors_the_axis_and_the_ellipse_fit_does_not() -> None:
     clean = turned(110.0)
     beyond = clean.copy()
-    beyond[AZIMUTH == 250.0] *= 1.0001  # the end of the axis at 110 deg, x1 < 0
+    beyond[AZIMUTH == 250.0, :2] *= 1.0001  # the end of the axis at 110 deg, x1 < 0
     printed = printed_soft_iron(beyond[:, :2])
     mirrored = np.linalg.inv(printed.matrix)
     left = worst_deg(corrected(clean, printed.offset_mg, mirrored))
@@ -82,7 +82,7 @@ def test_arcsin_mirrors_the_axis_and_the_ellipse_fit_does_not() -> None:
 def test_sigma_of_minor_over_major_stretches_the_ellipse_further(axis_deg: float) -> None:
     """Axes of which (4) is right when the farthest reading has x1 > 0."""
     clean = turned(axis_deg)
-    clean[np.isclose(AZIMUTH, (360.0 - axis_deg) % 360.0)] *= 1.000001
+    clean[np.isclose(AZIMUTH, (360.0 - axis_deg) % 360.0), :2] *= 1.000001
     printed = printed_soft_iron(clean[:, :2])
     left = worst_deg(corrected(clean, printed.offset_mg, printed.matrix))
     assert left == pytest.approx(16.3, abs=0.05)

@@ -1,4 +1,8 @@
-"""Each paper is reproduced once on the virtual bench, and the page in docs is what comes out."""
+"""Each paper is reproduced once on the virtual bench, and the page in docs is what comes out.
+
+The first test of a paper waits for all of its experiments: 10 to 25 s of the processor, several
+times as much beside other work, hence the timeout.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +22,7 @@ if TYPE_CHECKING:
     from bench.reproduction.result import Reproduction
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "papers"
+pytestmark = pytest.mark.timeout(240)
 LARGEST_BYTES = 150_000
 ONE_PROCESS_A_PAPER = [
     pytest.param(paper, marks=pytest.mark.xdist_group(f"paper_{paper}")) for paper in PAPERS

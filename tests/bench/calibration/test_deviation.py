@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bench.calibration import deviation
 from bench.calibration.deviation import (
     CAUSES,
     exact_deviation,
@@ -28,8 +29,8 @@ def compass_deg(
 def test_the_handbook_s_example_is_reproduced() -> None:
     """NGA, article 501: deviations N 10.5 ... NW -6.8."""
     magnetic = np.arange(0.0, 360.0, 45.0)
-    deviation = np.array([10.5, 20.0, 11.5, -1.2, -5.5, -8.0, -12.5, -6.8])
-    fitted = linear_deviation(magnetic - deviation, magnetic)
+    told = np.array([10.5, 20.0, 11.5, -1.2, -5.5, -8.0, -12.5, -6.8])
+    fitted = linear_deviation(magnetic - told, magnetic)
     assert fitted.coefficients_deg == pytest.approx((1.0, 12.0, 8.0, 5.0, 1.5), abs=0.07)
     assert fitted.residual_rms_deg < 0.07
 
@@ -81,7 +82,18 @@ def test_a_batch_gives_what_each_unit_gives_alone() -> None:
     assert CAUSES[batch.cause[0, 1]] is Cause.HARD_IRON_TOO_LARGE
 
 
-def test_whatever_the_headings_no_number_is_nan_and_the_fit_is_no_worse_than_none() -> None:
+def test_the_sum_of_squares_never_grows_from_the_linear_start() -> None:
+    rng = np.random.default_rng(5)
+    magnetic = np.deg2rad(np.tile(EVERY_15, (300, 1)))
+    scatter = rng.uniform(0.0, 1.5, (300, 1)) * rng.normal(0.0, 1.0, (300, 24))
+    start = rng.normal(0.0, 0.5, (300, 5))
+    before, _ = deviation._exact_residual(start, magnetic, scatter)
+    found, _ = deviation._descended(start, magnetic, scatter)
+    after, _ = deviation._exact_residual(found, magnetic, scatter)
+    assert np.all((after**2).sum(axis=-1) <= (before**2).sum(axis=-1))
+
+
+def test_whatever_the_headings_no_number_is_nan() -> None:
     rng = np.random.default_rng(4)
     wild = exact_deviation_batch(rng.uniform(0.0, 360.0, (500, 24)), EVERY_15)
     for values in (wild.coefficients_deg, wild.sd_deg, wild.residual_rms_deg, wild.third_deg):

@@ -1,0 +1,156 @@
+"""Whitened residuals of corrected readings on a sphere, alone or with the direction of gravity.
+
+A reading y of the true field v (in units of its strength) is y = W v + b + n. With the
+corrected w = M (y - b), M = W^-1, and g the unit vector down from the accelerometer:
+
+    r1 = (w.w - 1)/2           r2 = g.w - sin(dip)
+
+Their noise to first order has the covariance a = s^2 |M^T w|^2, c = s^2 (M^T w).(M^T g) and
+d = s^2 |M^T g|^2 + s_g^2 (w.w - (g.w)^2). r1/sqrt(a) is the Sampson distance; with
+e = d - c^2/a the second whitened residual is (r2 - c/a r1)/sqrt(e). Both are differentiated in
+full, weights too: to hold the weights leaves a bias in weak directions.
+
+Every derivative by M is a sum of outer products with z = y - b, p = M^T w and h = M^T g.
+
+References
+----------
+.. [1] P. D. Sampson, Computer Graphics and Image Processing 18, 1982.
+.. [2] M. Kok and T. B. Schon, "Magnetometer Calibration Using Inertial Sensors", IEEE Sensors
+   Journal 16(14), 2016, whose model of the dip this is without the gyroscope.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+TINY: Final = 1e-24
+SYMMETRIC_ROWS: Final = np.array([0, 1, 2, 0, 0, 1])
+SYMMETRIC_COLUMNS: Final = np.array([0, 1, 2, 1, 2, 2])
+
+
+def symmetric(elements: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return matrices, shape (..., 3, 3), of elements xx, yy, zz, xy, xz, yz.
+
+    >>> symmetric(np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])).tolist()
+    [[1.0, 4.0, 5.0], [4.0, 2.0, 6.0], [5.0, 6.0, 3.0]]
+    """
+    matrix = np.empty((*elements.shape[:-1], 3, 3))
+    matrix[..., SYMMETRIC_ROWS, SYMMETRIC_COLUMNS] = elements
+    matrix[..., SYMMETRIC_COLUMNS, SYMMETRIC_ROWS] = elements
+    return matrix
+
+
+def folded(by_matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return derivatives by the six elements of a symmetric matrix from those by all nine.
+
+    Parameters
+    ----------
+    by_matrix : ndarray, shape (..., 9)
+        By the elements row by row.
+    """
+    one = by_matrix[..., 3 * SYMMETRIC_ROWS + SYMMETRIC_COLUMNS]
+    one[..., 3:] += by_matrix[..., 3 * SYMMETRIC_COLUMNS[3:] + SYMMETRIC_ROWS[3:]]
+    return np.asarray(one)
+
+
+def sphere_rows(
+    matrix: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    points: NDArray[np.float64],
+    sd: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return r1/sqrt(a), shape (b, n), and its derivative by M row by row and b, (b, n, 12).
+
+    Parameters
+    ----------
+    matrix, centre : ndarray, shape (b, 3, 3) and (b, 3)
+    points : ndarray, shape (b, n, 3)
+    sd : ndarray, shape (b,)
+        Standard deviation of a point in each axis.
+    """
+    z = points - centre[:, None, :]
+    w = z @ np.swapaxes(matrix, -1, -2)
+    p = w @ matrix
+    length = np.sqrt(np.maximum(np.einsum("bni,bni->bn", p, p), TINY))
+    r1 = 0.5 * (np.einsum("bni,bni->bn", w, w) - 1.0)
+    whiten = 1.0 / (sd[:, None] * length)
+    bend = -r1 * whiten / length**2
+    by_p = bend[..., None] * w
+    by_z = whiten[..., None] * w + bend[..., None] * (p @ np.swapaxes(matrix, -1, -2))
+    return r1 * whiten, _columns(matrix, [(by_z, z), (by_p, p)])
+
+
+def tilt_rows(
+    matrix: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    sine: NDArray[np.float64],
+    points: NDArray[np.float64],
+    down: NDArray[np.float64],
+    sd: NDArray[np.float64],
+    down_sd: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return both whitened residuals, (b, 2, n), and derivatives by M, b, sin(dip): (b, 2, n, 13).
+
+    Parameters
+    ----------
+    matrix, centre, points, sd : ndarray
+        As for `sphere_rows`.
+    sine : ndarray, shape (b,)
+        Sine of the dip.
+    down : ndarray, shape (b, n, 3)
+        Unit vectors down, g.
+    down_sd : float
+        Standard deviation of g in radians, in each direction across it.
+    """
+    back = np.swapaxes(matrix, -1, -2)
+    z = points - centre[:, None, :]
+    w = z @ back
+    p, h = w @ matrix, down @ matrix
+    s2, g2 = (sd**2)[:, None], down_sd**2
+    along = np.einsum("bni,bni->bn", down, w)
+    square = np.einsum("bni,bni->bn", w, w)
+    a = np.maximum(s2 * np.einsum("bni,bni->bn", p, p), TINY)
+    c = s2 * np.einsum("bni,bni->bn", p, h)
+    d = s2 * np.einsum("bni,bni->bn", h, h) + g2 * (square - along**2)
+    k = c / a
+    e = np.maximum(d - k * c, TINY)
+    r1 = 0.5 * (square - 1.0)
+    q = along - sine[:, None] - k * r1
+    first, second = 1.0 / np.sqrt(a), 1.0 / np.sqrt(e)
+    half = -0.5 * q * second / e
+    # Factors of dr1, da, dc and dd in the derivative of the second residual; dr2's is `second`.
+    f1, fc = -k * second, -r1 * second / a - 2.0 * half * k
+    fa = r1 * k * second / a + half * k**2
+    fa, fc, fd, fg = 2.0 * s2 * fa, s2 * fc, 2.0 * s2 * half, 2.0 * g2 * half
+    mp, mh = p @ back, h @ back
+    bend = (-r1 * first / a * s2)[..., None]
+    sphere = _columns(matrix, [(first[..., None] * w + bend * mp, z), (bend * w, p)])
+    by_z = (second - fg * along)[..., None] * down + (f1 + fg)[..., None] * w
+    by_z += fc[..., None] * mh + fa[..., None] * mp
+    by_p = fc[..., None] * down + fa[..., None] * w
+    by_h = fc[..., None] * w + fd[..., None] * down
+    tilt = _columns(matrix, [(by_z, z), (by_p, p), (by_h, h)])
+    jacobian = np.zeros((*a.shape[:1], 2, a.shape[1], 13))
+    jacobian[:, 0, :, :12], jacobian[:, 1, :, :12] = sphere, tilt
+    jacobian[:, 1, :, 12] = -second
+    return np.stack([r1 * first, q * second], axis=1), jacobian
+
+
+def _columns(
+    matrix: NDArray[np.float64],
+    products: list[tuple[NDArray[np.float64], NDArray[np.float64]]],
+) -> NDArray[np.float64]:
+    """Return derivatives (b, n, 12) by M and b of the sum of left x right; the first right is z."""
+    left, right = products[0]
+    columns = np.empty((*left.shape[:-1], 12))
+    by_matrix = left[..., :, None] * right[..., None, :]
+    columns[..., 9:] = -left @ matrix
+    for left, right in products[1:]:
+        by_matrix += left[..., :, None] * right[..., None, :]
+    columns[..., :9] = by_matrix.reshape(*left.shape[:-1], 9)
+    return columns
