@@ -73,11 +73,13 @@ class RunSamples:
         self._poses = [pose_of(entry) for entry in record["poses"]]
         self._fits: dict[str, Fit] = {}
         self._judged: Fit | None = None
+        self._seen: list[Mapping[str, Any]] = []
 
     def measurements(self) -> dict[tuple[str, str, int], Measurement]:
         """Return what the samples give, by (step, name, attempt)."""
         found: dict[tuple[str, str, int], Measurement] = {}
         for entry in self._record["steps"]:
+            self._seen.append(entry)
             for measurement in self._of_step(entry):
                 one = replace(measurement, attempt=entry["attempt"])
                 found[one.step, one.name, one.attempt] = one
@@ -172,10 +174,10 @@ class RunSamples:
         return found
 
     def _calibration_positions(self) -> list[int]:
-        """Return the positions of the last attempts of all steps that calibrate."""
+        """Return the positions of the last attempts of the steps so far that calibrate."""
         last = {
             entry["name"]: entry["attempt"]
-            for entry in self._record["steps"]
+            for entry in self._seen
             if entry["kind"] in CALIBRATION_KINDS
         }
         return [p for step, attempt in last.items() for p in self._positions(step, attempt)]

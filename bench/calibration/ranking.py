@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from bench.calibration.compensation import Order, compensated_heading_deg
-from bench.calibration.tilt import attitude_deg
+from bench.calibration.level_turn import level_rows
 from protocols.angles import wrap_180_deg, wrap_360_deg
 
 if TYPE_CHECKING:
@@ -176,13 +176,7 @@ def level_and_tilt(data: CalibrationData, errors_deg: NDArray[np.float64]) -> Le
 
 def is_level(data: CalibrationData) -> NDArray[np.bool_]:
     """Return, shape (n,), which rows are level: by the rig, else by the raw force, else all."""
-    if data.pitch_deg is not None and data.roll_deg is not None:
-        pitch_deg, roll_deg = data.pitch_deg, data.roll_deg
-    elif data.accel_g is not None:
-        pitch_deg, roll_deg = attitude_deg(data.accel_g)
-    else:
-        return np.ones(len(data), dtype=bool)
-    return np.asarray((np.abs(pitch_deg) < LEVEL_DEG) & (np.abs(roll_deg) < LEVEL_DEG))
+    return level_rows(data, LEVEL_DEG)
 
 
 def computed_heading_deg(

@@ -18,11 +18,8 @@ from bench.reproduction.caruso_turn import (
     EVERYWHERE_DEG,
     HORIZONTAL_MG,
     Swing,
-    error_deg,
     exact_error_deg,
-    largest,
     section,
-    turn,
 )
 from bench.reproduction.figures import (
     BLUE,
@@ -36,6 +33,7 @@ from bench.reproduction.figures import (
 )
 from bench.reproduction.result import PaperFigure
 from bench.reproduction.setup import Setup
+from bench.reproduction.turns import error_deg, largest, turn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

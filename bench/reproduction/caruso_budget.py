@@ -13,15 +13,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bench.calibration.compensation import compensated_heading_deg
-from bench.reproduction.caruso_turn import (
-    HORIZONTAL_MG,
-    error_deg,
-    headings,
-    largest,
-    rms,
-    turn,
-)
+from bench.reproduction.caruso_turn import HORIZONTAL_MG
 from bench.reproduction.setup import Setup
+from bench.reproduction.turns import error_deg, headings, largest, rms, turn
 from protocols.angles import wrap_180_deg
 
 if TYPE_CHECKING:

@@ -15,12 +15,8 @@ from bench.reproduction.caruso_turn import (
     COUNTS,
     EVERYWHERE_DEG,
     HORIZONTAL_MG,
-    calibration_data,
     claimed_zero,
-    error_deg,
-    largest,
     section,
-    turn,
 )
 from bench.reproduction.figures import (
     GREEN,
@@ -35,6 +31,7 @@ from bench.reproduction.figures import (
 )
 from bench.reproduction.result import PaperFigure, Published
 from bench.reproduction.setup import Setup
+from bench.reproduction.turns import calibration_data, error_deg, largest, turn
 from protocols.angles import wrap_180_deg
 
 if TYPE_CHECKING:

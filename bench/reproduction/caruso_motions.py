@@ -14,19 +14,11 @@ import numpy as np
 from bench.calibration.compensation import compensated_heading_deg
 from bench.calibration.methods import fit_named
 from bench.reproduction.caruso_budget import LIMIT_MG
-from bench.reproduction.caruso_turn import (
-    HORIZONTAL_MG,
-    calibration_data,
-    error_deg,
-    headings,
-    largest,
-    rms,
-    section,
-    turn,
-)
+from bench.reproduction.caruso_turn import HORIZONTAL_MG, section
 from bench.reproduction.figures import BLUE, GREY, ORANGE, note, panels
 from bench.reproduction.result import PaperFigure, Published
 from bench.reproduction.setup import Setup
+from bench.reproduction.turns import calibration_data, error_deg, headings, largest, rms, turn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bench.calibration.compensation import compensated_heading_deg
-from bench.reproduction.caruso_turn import HORIZONTAL_MG, headings, section
+from bench.reproduction.caruso_turn import HORIZONTAL_MG, section
 from bench.reproduction.figures import (
     BLUE,
     GREEN,
@@ -20,6 +20,7 @@ from bench.reproduction.figures import (
 )
 from bench.reproduction.result import PaperFigure, Published
 from bench.reproduction.setup import Setup
+from bench.reproduction.turns import headings
 from protocols.angles import wrap_180_deg
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from bench.reproduction.caruso_budget import (
     measure_budget,
     root_sum_square,
 )
-from bench.reproduction.caruso_turn import HORIZONTAL_MG, rms, section
+from bench.reproduction.caruso_turn import HORIZONTAL_MG, section
 from bench.reproduction.figures import (
     BLUE,
     GREY,
@@ -30,6 +30,7 @@ from bench.reproduction.figures import (
     printed_limit,
 )
 from bench.reproduction.result import PaperFigure, Published
+from bench.reproduction.turns import rms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,16 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bench.calibration.compensation import compensated_heading_deg
-from bench.reproduction.caruso_turn import (
-    COUNT_16_MG,
-    COUNTS,
-    HORIZONTAL_MG,
-    claimed_zero,
-    error_deg,
-    largest,
-    section,
-    turn,
-)
+from bench.reproduction.caruso_turn import COUNT_16_MG, COUNTS, HORIZONTAL_MG, claimed_zero, section
 from bench.reproduction.figures import (
     BLUE,
     GREEN,
@@ -37,6 +28,7 @@ from bench.reproduction.figures import (
 )
 from bench.reproduction.result import PaperFigure, Published
 from bench.reproduction.setup import Setup
+from bench.reproduction.turns import error_deg, largest, turn
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,11 +15,8 @@ from bench.reproduction.caruso_turn import (
     HORIZONTAL_MG,
     Swing,
     claimed_zero,
-    error_deg,
     exact_error_deg,
-    largest,
     section,
-    turn,
 )
 from bench.reproduction.figures import (
     COLOURS,
@@ -31,6 +28,7 @@ from bench.reproduction.figures import (
 )
 from bench.reproduction.result import PaperFigure
 from bench.reproduction.setup import Setup
+from bench.reproduction.turns import error_deg, largest, turn
 from protocols.angles import wrap_180_deg
 
 if TYPE_CHECKING:

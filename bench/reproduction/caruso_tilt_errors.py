@@ -11,11 +11,8 @@ from bench.reproduction.caruso_turn import (
     EVERYWHERE_DEG,
     HORIZONTAL_MG,
     Swing,
-    error_deg,
     exact_error_deg,
-    largest,
     section,
-    turn,
 )
 from bench.reproduction.figures import (
     BLUE,
@@ -30,6 +27,7 @@ from bench.reproduction.figures import (
 )
 from bench.reproduction.result import PaperFigure, Published
 from bench.reproduction.setup import Setup
+from bench.reproduction.turns import error_deg, largest, turn
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.reproduction.caruso_turn import claimed_zero, headings, section
+from bench.reproduction.caruso_turn import claimed_zero, section
 from bench.reproduction.figures import (
     BLUE,
     COLOURS,
@@ -25,6 +25,7 @@ from bench.reproduction.figures import (
 )
 from bench.reproduction.result import PaperFigure, Published
 from bench.reproduction.setup import Setup
+from bench.reproduction.turns import headings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

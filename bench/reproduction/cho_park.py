@@ -140,9 +140,10 @@ def _turn_figures(found: Experiments) -> list[PaperFigure]:
             title="Blind azimuths, which the paper does not mention",
             caption="How well one pose shows the dip when its azimuth is known to 2 deg. On the "
             "red lines, and at tan(azimuth) = tan(roll)/sin(pitch) in general, a tilt says "
-            "nothing of the dip: pure pitch at 0 and 180 deg, pure roll at 90 and 270. Right: "
-            "degrees of heading for a degree of dip, measured at tilts of 30 deg; where a line "
-            "crosses zero (circles) the azimuth is blind.",
+            "nothing of the dip: pure pitch at 0 and 180 deg, pure roll at 90 and 270. Each map is "
+            "smoothed between 63 measured poses. Right: degrees of heading for a degree of dip, "
+            "measured at tilts of 30 deg; where a line crosses zero (circles) the azimuth is "
+            "blind.",
             draw=lambda: draw_blind_map(found.blind),
         ),
     ]

@@ -128,37 +128,13 @@ def draw_fig_5(tiltings: list[Tilting]) -> Figure:
 def draw_table_1(tiltings: list[Tilting], spread: Spread) -> Figure:
     """Draw the six rows: published, ours by the paper's rule, ours by least squares."""
     figure, (axes,) = panels(height_in=2.4)
-    rows = np.arange(len(tiltings))
+    rows = np.arange(len(tiltings), dtype=float)
     axes.axhline(SITE_DIP_DEG, color=INK, linewidth=0.8, zorder=1.8)
     axes.axhspan(SITE_DIP_DEG - 1.0, SITE_DIP_DEG + 1.0, color="#F1F1F1", linewidth=0, zorder=0.5)
-    for shift, color, label, values, sd_deg in (
-        (
-            0.0,
-            ORANGE,
-            "ours, (26) beyond 30 deg",
-            [t.adopted_deg for t in tiltings],
-            spread.adopted_deg.std(axis=0),
-        ),
-        (
-            0.18,
-            BLUE,
-            "ours, weighted least squares",
-            [t.fitted_deg for t in tiltings],
-            spread.fitted_deg.std(axis=0),
-        ),
-    ):
-        axes.errorbar(
-            rows + shift,
-            values,
-            yerr=2.0 * sd_deg,
-            fmt="o",
-            color=color,
-            markersize=4.0,
-            elinewidth=0.9,
-            capsize=2.0,
-            label=label,
-            zorder=3.0,
-        )
+    adopted = [tilting.adopted_deg for tilting in tiltings]
+    fitted = [tilting.fitted_deg for tilting in tiltings]
+    _draw_bars(axes, rows, adopted, spread.adopted_deg, "ours, (26) beyond 30 deg", ORANGE)
+    _draw_bars(axes, rows + 0.18, fitted, spread.fitted_deg, "ours, weighted least squares", BLUE)
     draw_published(axes, rows - 0.18, [sweep.published_deg for sweep in SWEEPS])
     axes.set_xticks(rows, [f"({s.key}) {s.azimuth_deg:.0f} deg\n{s.condition}" for s in SWEEPS])
     axes.grid(visible=False, axis="x")
@@ -168,6 +144,28 @@ def draw_table_1(tiltings: list[Tilting], spread: Spread) -> Figure:
     note(axes, 5.93, SITE_DIP_DEG - 0.93, "within 1 deg", ha="right", va="bottom", color=GREY)
     legend_above(axes)
     return figure
+
+
+def _draw_bars(  # noqa: PLR0913 - points, their repeats, and how they look
+    axes: Axes,
+    rows: NDArray[np.float64],
+    values_deg: list[float],
+    repeats_deg: NDArray[np.float64],
+    label: str,
+    color: str,
+) -> None:
+    axes.errorbar(
+        rows,
+        values_deg,
+        yerr=2.0 * repeats_deg.std(axis=0),
+        fmt="o",
+        color=color,
+        markersize=4.0,
+        elinewidth=0.9,
+        capsize=2.0,
+        label=label,
+        zorder=3.0,
+    )
 
 
 def draw_fig_6(turn: Turn) -> Figure:

@@ -10,7 +10,6 @@ import numpy as np
 from bench.calibration.level_kernel import PrintedFormula
 from bench.calibration.min_max import fit_min_max
 from bench.calibration.soft_iron import fit_soft_iron, printed_soft_iron, soft_iron_batch
-from bench.reproduction.caruso_turn import calibration_data, turn
 from bench.reproduction.setup import Setup
 from bench.reproduction.skula_turn import (
     FIELD_SD_MG,
@@ -19,6 +18,7 @@ from bench.reproduction.skula_turn import (
     largest_error_deg,
     noisy_turns,
 )
+from bench.reproduction.turns import calibration_data, turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -17,8 +17,8 @@ from bench.calibration.min_max import fit_min_max
 from bench.calibration.tilt import attitude_deg, ned_from_body
 from bench.calibration.truth_aided import fit_truth_aided
 from bench.pose import Attitude
-from bench.reproduction.caruso_turn import calibration_data, error_deg, largest, turn
 from bench.reproduction.setup import Setup
+from bench.reproduction.turns import calibration_data, error_deg, largest, turn
 from protocols.angles import wrap_180_deg
 
 if TYPE_CHECKING:

@@ -1,9 +1,4 @@
-"""Skula, "New Method for Magnetometer Offset Compensation", 2010, on the virtual bench.
-
-The text prints no number of a measurement and the axes of Fig. 2 are lost, so what can be held
-against the bench are its claims: what an equation leaves (nothing), at how many first positions
-four positions are as good as min-max (all), and that they take less time.
-"""
+"""Skula, "New Method for Magnetometer Offset Compensation", 2010, on the virtual bench."""
 
 from __future__ import annotations
 
@@ -11,8 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.calibration.four_position import four_position_batch, printed_four_position
-from bench.reproduction.result import PaperFigure, Published, Reproduction
+from bench.calibration.four_position import four_position_batch
+from bench.reproduction.result import PaperFigure, Reproduction
 from bench.reproduction.setup import Setup
 from bench.reproduction.skula_figures import (
     draw_first_positions,
@@ -20,15 +15,15 @@ from bench.reproduction.skula_figures import (
     draw_routine,
     draw_study,
 )
-from bench.reproduction.skula_routine import BRIDGE_MG, measured_routine
-from bench.reproduction.skula_study import MODULE, measured_study
-from bench.reproduction.skula_turn import (
-    FIELD_SD_MG,
-    by_first_position,
-    four_of,
-    largest_error_deg,
-    measured_turn,
+from bench.reproduction.skula_numbers import (
+    BETWEEN_DEG,
+    comparison_numbers,
+    four_position_numbers,
+    routine_numbers,
 )
+from bench.reproduction.skula_routine import measured_routine
+from bench.reproduction.skula_study import MODULE, measured_study
+from bench.reproduction.skula_turn import FIELD_SD_MG, by_first_position, four_of, measured_turn
 
 if TYPE_CHECKING:
     from bench.reproduction.laboratory import OpenLaboratory
@@ -45,13 +40,6 @@ FIG_2: Final = Setup(
 )
 """Unequal offsets and amplitudes; a film of 5 G read in one polarity makes a second harmonic of
 2.5 % in both axes, and a cubic error of y a third harmonic of 1.6 %."""
-BETWEEN_DEG: Final = 2.5
-"""Start of a turn of 72 that has no position at which the printed formula is 0/0."""
-SAME_DEG: Final = 0.01
-"""Difference of mean errors that counts as none."""
-WRONG_DEG: Final = 0.5
-"""A start angle with a larger error is a wrong one."""
-COUNT_DEG: Final = "one count of the converter is worth 0.006 deg"
 
 
 def reproduce(open_laboratory: OpenLaboratory) -> Reproduction:
@@ -65,149 +53,16 @@ def reproduce(open_laboratory: OpenLaboratory) -> Reproduction:
         paper="skula",
         title=TITLE,
         numbers=[
-            *_routine_numbers(routine),
-            *_four_position_numbers(unequal),
-            *_comparison_numbers(found, study),
+            *routine_numbers(routine),
+            *four_position_numbers(unequal),
+            *comparison_numbers(found, study),
         ],
-        figures=_figures(routine, turn, found, study),
+        figures=[*_paper_figures(routine, turn, found), *_study_figures(study)],
         remarks=_remarks(turn, study),
     )
 
 
-def _routine_numbers(routine: Routine) -> list[Published]:
-    return [
-        Published(
-            where="(1), Fig. 1",
-            quantity="V_off less the bridge's offset, module at rest",
-            unit="mG",
-            published=0.0,
-            ours=routine.offset_mg - BRIDGE_MG,
-            tolerance=0.03,
-            reason="one count of the converter is 0.024 mG",
-        ),
-        Published(
-            where="(1)",
-            quantity="mean V_off over a turn less the bridge's offset, film of 8 G, hard iron "
-            "100, 80 mG",
-            unit="mG",
-            published=0.0,
-            exact=-1.0,
-            ours=float(routine.crossed_mg.mean()) - BRIDGE_MG,
-            tolerance=0.03,
-            reason="one count of the converter is 0.024 mG",
-            note="the half sum carries -Hx Hy/Hk; a turn does not average it out beside hard iron",
-        ),
-        Published(
-            where="(1)",
-            quantity="the same by regression on 1 and Hx Hy",
-            unit="mG",
-            published=0.0,
-            ours=routine.regressed_mg - BRIDGE_MG,
-            tolerance=0.03,
-            reason="one count of the converter is 0.024 mG",
-        ),
-    ]
-
-
-def _four_position_numbers(unequal: Turn) -> list[Published]:
-    four_mg = four_of(unequal.field_mg)
-    ours_deg = largest_error_deg(four_position_batch(four_mg, FIELD_SD_MG), unequal)
-    printed_deg = largest_error_deg(printed_four_position(four_mg), unequal)
-    return [
-        Published(
-            where="(4)-(7)",
-            quantity="largest heading error after four positions, Ay/Ax = 0.8, from any of 72 "
-            "first ones: A = hypot(H1 - H3, H2 - H4)/2, mean of four",
-            unit="deg",
-            published=0.0,
-            ours=float(ours_deg.max()),
-            tolerance=0.02,
-            reason=COUNT_DEG,
-        ),
-        Published(
-            where="(5)-(7) as printed",
-            quantity="the same by arctan and 'or 1, what is bigger'",
-            unit="deg",
-            published=0.0,
-            exact=6.4,
-            ours=float(printed_deg.max()),
-            tolerance=0.05,
-            reason="the exact value is rounded",
-            note="A takes the sign of H2 - H4; where only one axis does, the scale is lost",
-        ),
-        Published(
-            where="(5)-(7) as printed",
-            quantity="first positions of 72 at which it happens",
-            unit="",
-            published=0.0,
-            exact=36.0,
-            ours=float((printed_deg > WRONG_DEG).sum()),
-            tolerance=0.5,
-            reason="a count",
-            note="turn from 2.5 deg: at an angle of exactly 0 or 180 deg the formula is 0/0",
-        ),
-    ]
-
-
-def _comparison_numbers(found: FirstPositions, study: Study) -> list[Published]:
-    limit_deg = found.min_max_deg + SAME_DEG
-    four = next(time for time in study.times if time.name == "four positions")
-    turns = [time for time in study.times if time.name not in ("four positions", "min-max of 4")]
-    return [
-        Published(
-            where="Section 5, Fig. 2",
-            quantity="first positions of 72 with the same or a better mean error than min-max, "
-            "mean of four",
-            unit="",
-            published=72.0,
-            ours=float((found.four_deg <= limit_deg).sum()),
-            tolerance=0.5,
-            reason="a count; the same is within 0.01 deg",
-            note="'The Four-positions method reaches the same or better results': right on a rig "
-            "that stands where it should, see the study",
-        ),
-        Published(
-            where="Section 5, Fig. 2",
-            quantity="the same, printed c = (H1 + H3)/2 with the right A",
-            unit="",
-            published=72.0,
-            exact=38.0,
-            ours=float((found.printed_offset_deg <= limit_deg).sum()),
-            tolerance=0.5,
-            reason="a count; the same is within 0.01 deg",
-            note="a second harmonic acts through the printed c only",
-        ),
-        Published(
-            where="(6)",
-            quantity="spread of the mean error over first positions, second harmonic of 3.1 %, "
-            "mean of four",
-            unit="deg",
-            published=0.0,
-            ours=float(study.second_four.high_deg[-1] - study.second_four.low_deg[-1]),
-            tolerance=0.01,
-            reason=COUNT_DEG,
-            note=f"{study.second_printed.high_deg[-1] - study.second_printed.low_deg[-1]:.2f} deg "
-            "with the printed c",
-        ),
-        Published(
-            where="Section 5",
-            quantity="turns of 8, 12 and 24 positions that take longer on the rig",
-            unit="",
-            published=3.0,
-            ours=float(sum(time.seconds > four.seconds for time in turns)),
-            tolerance=0.5,
-            reason="a count",
-            note=f"{four.seconds:.1f} s against "
-            + ", ".join(f"{time.seconds:.1f}" for time in turns)
-            + " s with dwells of 0.5 s",
-        ),
-    ]
-
-
-def _figures(
-    routine: Routine, turn: Turn, found: FirstPositions, study: Study
-) -> list[PaperFigure]:
-    crossing_deg = study.positioning.crossing_deg
+def _paper_figures(routine: Routine, turn: Turn, found: FirstPositions) -> list[PaperFigure]:
     return [
         PaperFigure(
             name="skula-fig-1",
@@ -230,16 +85,22 @@ def _figures(
             "what it still depends on is the third harmonic.",
             draw=lambda: draw_first_positions(turn, found),
         ),
+    ]
+
+
+def _study_figures(study: Study) -> list[PaperFigure]:
+    crossing_deg = study.positioning.crossing_deg
+    return [
         PaperFigure(
             name="skula-study",
             title="Where four positions beat min-max and where not",
             caption="Medians; bands are 5 to 95 % of 25 noisy turns from all first positions (a), "
             "of 400 placements (d), or all first positions (b, c). a: the extremes stand on two "
-            "readings an axis, the four positions on four. b: min-max takes a third harmonic whole, four positions at "
-            "0 and 90 deg only. c: a second harmonic from one polarity costs both the same, and "
-            "more only by the printed c. d: a robot turned by hand, noise 2 mG; min-max is better "
-            f"from {crossing_deg:.1f} deg of positioning error, as it does not ask where the module "
-            "stood.",
+            "readings an axis, the four positions on four. b: min-max takes a third harmonic "
+            "whole, four positions at 0 and 90 deg only. c: a second harmonic from one "
+            "polarity costs both the same, and more only by the printed c. d: a robot turned "
+            f"by hand, noise 2 mG; min-max is better from {crossing_deg:.1f} deg of "
+            "positioning error, as it does not ask where the module stood.",
             draw=lambda: draw_study(study),
         ),
         PaperFigure(

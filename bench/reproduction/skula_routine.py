@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 from bench.calibration.set_reset import check_set_reset
 from bench.pose import Attitude
-from bench.reproduction.caruso_turn import turn
 from bench.reproduction.setup import Setup
+from bench.reproduction.turns import turn
 
 if TYPE_CHECKING:
     import numpy as np

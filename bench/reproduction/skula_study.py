@@ -16,7 +16,6 @@ import numpy as np
 from bench.calibration.four_position import four_position_batch
 from bench.calibration.min_max import min_max_batch
 from bench.pose import Attitude
-from bench.reproduction.caruso_turn import turn
 from bench.reproduction.setup import Setup
 from bench.reproduction.skula_turn import (
     FIELD_SD_MG,
@@ -27,6 +26,7 @@ from bench.reproduction.skula_turn import (
     measured_turn,
     noisy_turns,
 )
+from bench.reproduction.turns import turn
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -19,7 +19,7 @@ from bench.calibration.four_position import (
 from bench.calibration.level_kernel import LevelFits, PrintedFormula
 from bench.calibration.min_max import min_max_batch
 from bench.calibration.tilt import heading_deg
-from bench.reproduction.caruso_turn import headings, turn
+from bench.reproduction.turns import headings, turn
 from protocols.angles import wrap_180_deg
 
 if TYPE_CHECKING:

@@ -15,9 +15,9 @@ from bench.cli.laboratory import open_laboratory
 from bench.reproduction.caruso_acceleration import RATE_ONE_BANK_DEG
 from bench.reproduction.caruso_motions import measure_motions
 from bench.reproduction.caruso_transfer import reproduce_transfer
-from bench.reproduction.caruso_turn import headings
 from bench.reproduction.caruso_variation import reproduce_variation
 from bench.reproduction.setup import Setup
+from bench.reproduction.turns import headings
 
 if TYPE_CHECKING:
     from bench.reproduction.result import Reproduction

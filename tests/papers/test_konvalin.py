@@ -10,7 +10,7 @@ import pytest
 
 from bench.calibration.compensation import Order
 from bench.cli.laboratory import open_laboratory
-from bench.reproduction import konvalin
+from bench.reproduction import konvalin_numbers
 from bench.reproduction.konvalin_iron import (
     FIG_9_DEG,
     HARD_IRON_MG,
@@ -62,16 +62,16 @@ def test_elevation_moves_the_raw_heading_as_the_vertical_field_says() -> None:
     assert moved[1] == pytest.approx(np.rad2deg(expected), abs=0.02)
     assert moved[3] == pytest.approx(-np.rad2deg(expected), abs=0.02)
     assert np.abs(changes_deg(found.levelled_deg)).max() < 0.02
-    assert all(holding(konvalin._tilt_numbers(found)))
+    assert all(holding(konvalin_numbers.tilt_numbers(found)))
     swapped = replace(found, levelled_deg=found.raw_deg, turn_raw_deg={0.0: found.turn_deg})
-    assert not any(holding(konvalin._tilt_numbers(swapped)))
+    assert not any(holding(konvalin_numbers.tilt_numbers(swapped)))
 
 
 def test_circle_numbers_miss_on_other_iron() -> None:
     circle = measured_circle(open_laboratory, SITE)
     hard = measured_circle(open_laboratory, replace(SITE, hard_iron_mg=HARD_IRON_MG))
-    assert all(holding(konvalin._circle_numbers(circle, hard)))
-    assert not any(holding(konvalin._circle_numbers(hard, circle)))
+    assert all(holding(konvalin_numbers.circle_numbers(circle, hard)))
+    assert not any(holding(konvalin_numbers.circle_numbers(hard, circle)))
     assert np.hypot(*hard.corrected_mg.T) == pytest.approx(np.full(36, 250.0), abs=0.05)
 
 
@@ -85,9 +85,9 @@ def test_ellipse_is_aligned_then_round_and_numbers_miss_on_another() -> None:
     for stage in (scaled, back):
         assert np.ptp(np.hypot(*stage.T)) < 0.1
     assert skew_deg(skewed)[1] < 0.01
-    assert all(holding(konvalin._ellipse_numbers(straight, rotated, skewed)))
+    assert all(holding(konvalin_numbers.ellipse_numbers(straight, rotated, skewed)))
     turned = replace(rotated, corrected_mg=rotated.raw.field_mg, fit=skewed.fit)
-    assert holding(konvalin._ellipse_numbers(rotated, turned, straight)) == [
+    assert holding(konvalin_numbers.ellipse_numbers(rotated, turned, straight)) == [
         True,  # two cycles all the same
         False,
         False,
@@ -97,7 +97,7 @@ def test_ellipse_is_aligned_then_round_and_numbers_miss_on_another() -> None:
 
 
 def test_soft_iron_as_printed_fails_and_corrected_holds(study: SoftIronStudy) -> None:
-    numbers = konvalin._soft_iron_numbers(study)
+    numbers = konvalin_numbers.soft_iron_numbers(study)
     assert [number.holds for number in numbers if number.unit == "deg"] == [True] * 3
     assert study.failed[[AXES_DEG.index(0.0), AXES_DEG.index(90.0)]].max() == 0.0
     assert (study.largest_deg["printed"] > study.largest_deg["raw"] + 5.0).all()
@@ -108,7 +108,7 @@ def test_soft_iron_numbers_miss_where_the_formulas_change_places(study: SoftIron
     named = study.largest_deg
     exchanged = {**named, "ours": named["raw"], "angle": named["ratio"], "ratio": named["angle"]}
     other = replace(study, largest_deg=exchanged, failed=np.zeros_like(study.failed))
-    assert not any(holding(konvalin._soft_iron_numbers(other)))
+    assert not any(holding(konvalin_numbers.soft_iron_numbers(other)))
 
 
 def test_order_matters_at_tilt_only(orders: OrderStudy) -> None:
@@ -125,7 +125,7 @@ def test_order_matters_at_tilt_only(orders: OrderStudy) -> None:
 
 
 def test_order_numbers_miss_where_the_orders_change_places(orders: OrderStudy) -> None:
-    assert all(holding(konvalin._order_numbers(orders)))
+    assert all(holding(konvalin_numbers.order_numbers(orders)))
     named = orders.named_deg
     exchanged = {
         Order.BODY: named[BANK],
@@ -134,4 +134,4 @@ def test_order_numbers_miss_where_the_orders_change_places(orders: OrderStudy) -
         Order.TILT_REVERSED: named[Order.TILT_FIRST],
     }
     other = replace(orders, named_deg=exchanged, own_tilt_deg=(0.0, 0.0))
-    assert not any(holding(konvalin._order_numbers(other)))
+    assert not any(holding(konvalin_numbers.order_numbers(other)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bench.cli.laboratory import open_laboratory
-from bench.reproduction import skula
+from bench.reproduction import skula, skula_numbers
 from bench.reproduction.skula_routine import BRIDGE_MG, Routine, measured_routine
 from bench.reproduction.skula_study import (
     MODULE,
@@ -55,23 +55,23 @@ def test_set_and_reset_toggle_about_the_offset(routine: Routine) -> None:
 
 
 def test_numbers_of_the_routine_miss_on_another_bridge(routine: Routine) -> None:
-    assert all(holding(skula._routine_numbers(routine)))
+    assert all(holding(skula_numbers.routine_numbers(routine)))
     other = replace(
         routine,
         offset_mg=routine.offset_mg + 0.1,
         crossed_mg=routine.crossed_mg + 0.1,
         regressed_mg=routine.regressed_mg + 0.1,
     )
-    assert not any(holding(skula._routine_numbers(other)))
+    assert not any(holding(skula_numbers.routine_numbers(other)))
 
 
 def test_numbers_of_four_positions_miss_on_equal_axes_and_harmonics() -> None:
-    turn = measured_turn(open_laboratory, MODULE, start_deg=skula.BETWEEN_DEG)
-    assert all(holding(skula._four_position_numbers(turn)))
+    turn = measured_turn(open_laboratory, MODULE, start_deg=skula_numbers.BETWEEN_DEG)
+    assert all(holding(skula_numbers.four_position_numbers(turn)))
     equal = Turn(azimuth_deg=turn.azimuth_deg, field_mg=turn.field_mg * [0.8, 1.0])
-    assert holding(skula._four_position_numbers(equal)) == [True, False, False]
+    assert holding(skula_numbers.four_position_numbers(equal)) == [True, False, False]
     harmonic = measured_turn(open_laboratory, replace(MODULE, hk_mg=5000.0), start_deg=2.5)
-    assert holding(skula._four_position_numbers(harmonic)) == [False, False, False]
+    assert holding(skula_numbers.four_position_numbers(harmonic)) == [False, False, False]
 
 
 def test_fig_2_has_no_value_where_the_printed_formula_divides_0_by_0(
@@ -90,7 +90,7 @@ def test_fig_2_by_the_mean_of_four_goes_up_and_down_four_times_and_stays_under_m
     spectrum = np.abs(np.fft.rfft(found.four_deg - found.four_deg.mean()))
     assert spectrum.argmax() == 4
     assert np.ptp(found.four_deg) > 0.1
-    assert found.four_deg.max() < found.min_max_deg + skula.SAME_DEG
+    assert found.four_deg.max() < found.min_max_deg + skula_numbers.SAME_DEG
 
 
 def test_a_third_harmonic_costs_min_max_what_it_costs_the_worst_four_positions() -> None:

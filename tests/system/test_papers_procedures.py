@@ -67,10 +67,16 @@ def changed(tmp_path_factory):
     """Return what writes a shipped procedure with some of its steps changed, and gives its path."""
     out = tmp_path_factory.mktemp("changed")
 
-    def write(name: str, limits: str | None = None, **steps: dict[str, Any]) -> str:
+    def write(
+        name: str,
+        limits: str | None = None,
+        more: tuple[dict[str, Any], ...] = (),
+        **steps: dict[str, Any],
+    ) -> str:
         document = yaml.safe_load(procedure_path(name).read_text(encoding="utf-8"))
         for step in document["steps"]:
             step.update(steps.get(step["name"], {}))
+        document["steps"] += more
         document["limits"] = limits or document["limits"]
         path = out / f"{name}_{len(list(out.iterdir()))}.yaml"
         path.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
@@ -240,6 +246,19 @@ def test_a_judged_method_that_is_not_the_best_is_told_and_still_passes(finished,
     (event,) = [e for e in map(json.loads, lines) if e["event"] == "better_method"]
     assert (event["judged"], event["best"]) == ("min_max", "soft_iron")
     assert event["behind_deg"] == run.value("behind_best") > event["uncertainty_deg"] > 0.0
+    assert rejudge(run.folder).differing == []
+
+
+def test_a_fit_is_made_again_from_the_readings_that_came_before_it(finished, changed):
+    """A second fit sees the poses of both; the first one must not when it is judged again."""
+    more_poses = {"kind": "poses", "name": "more", "rings": [{"count": 4, "first": "3 deg"}]}
+    again = {"kind": "fit", "name": "again", "methods": ["soft_iron"], "judged": ["soft_iron"]}
+    path = changed("soft_iron", more=(more_poses, again), fit={"methods": ["soft_iron"]})
+
+    run = finished(path)
+
+    residuals = [m["value"] for m in run.record["measurements"] if m["name"] == "fit_residual"]
+    assert len(set(residuals)) == 2
     assert rejudge(run.folder).differing == []
 
 

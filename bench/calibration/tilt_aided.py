@@ -1,0 +1,206 @@
+"""Magnetometer and accelerometer alone, without the rig's angles: matrix, offset and dip.
+
+The accelerometer says where down is; the angle between down and the field is the same in every
+pose. This makes the rotation from magnetometer to accelerometer observable, which the
+magnetometer alone leaves open. It needs poses tilted in pitch and in roll: about one axis alone
+a mirror image fits as well, with the dip's sign turned.
+
+Poses that contradict all others are named and left out; they are never only weighted down.
+
+References
+----------
+.. [1] M. Kok and T. B. Schon, "Magnetometer Calibration Using Inertial Sensors", IEEE Sensors
+   Journal 16(14), 2016.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from bench.calibration.coverage import sphere_coverage
+from bench.calibration.disturbed import Disturbance, disturbed_poses
+from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
+from bench.calibration.saturation import saturated_axis
+from bench.calibration.tilt_aided_batch import (
+    CAUSES,
+    LARGEST_PREDICTED_DEG,
+    LARGEST_RESIDUAL,
+    SMALLEST,
+    UNKNOWNS,
+    TiltAidedFits,
+    readings_of,
+    tilt_aided_batch,
+    tilt_minimum,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+METHOD: Final = "tilt_aided"
+LARGEST_SHARE: Final = 6
+"""One disturbed pose in so many can be left out; more were not of one field."""
+MOST_POSES: Final = 500
+"""Longer recordings are not of poses: single rows are then not tested."""
+ROUNDS: Final = 5
+_ELEMENTS: Final = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
+PARAMETERS: Final = (
+    *(f"matrix_{element}" for element in _ELEMENTS),
+    *(f"offset_{axis}_mg" for axis in "xyz"),
+    "dip_deg",
+)
+
+
+def fit_tilt_aided(data: CalibrationData) -> Fit:
+    """Fit the magnetometer's matrix and offset, and the dip, against the accelerometer.
+
+    Parameters
+    ----------
+    data : CalibrationData
+        Needs `accel_g`, raw or corrected: the matrix takes the magnetometer to *its* axes. The
+        strength is the station's, or without one that of a matrix of determinant one.
+
+    Returns
+    -------
+    Fit
+        `extra` holds ``dip_deg_sd``, ``misalignment_deg`` (rotation from the magnetometer's to
+        the accelerometer's axes), ``disturbed_poses`` and for each one left out
+        ``disturbed_<row>_sigmas``; the message names them. Refused with NO_ACCELERATION, TOO_FEW,
+        NO_TURN, TILT_TOO_SMALL, SATURATED, NOT_OBSERVABLE, DEGENERATE, NOT_CONVERGED,
+        RESIDUAL_TOO_LARGE or FIELD_DISTURBED.
+    """
+    if data.accel_g is None:
+        message = "the tilt-aided fit needs the specific force of every reading"
+        return refusal(METHOD, Cause.NO_ACCELERATION, message, data)
+    if len(data) < SMALLEST:
+        message = (
+            f"the tilt-aided fit needs at least {SMALLEST} poses; instead received {len(data)}"
+        )
+        return refusal(METHOD, Cause.TOO_FEW, message, data)
+    kept = np.ones(len(data), dtype=bool)
+    found: tuple[Disturbance, ...] = ()
+    fits = _fitted(data, data.accel_g, kept)
+    for _ in range(ROUNDS if len(data) <= MOST_POSES else 0):
+        found = _disturbances(data, data.accel_g, kept)
+        poses = [one.pose for one in found]
+        if len(poses) * LARGEST_SHARE > len(data):
+            return _disturbed_field(data, found)
+        if set(poses) == set(np.flatnonzero(~kept)):
+            break
+        kept = ~np.isin(np.arange(len(data)), poses)
+        fits = _fitted(data, data.accel_g, kept)
+    cause = CAUSES[int(fits.cause)]
+    if cause is not None:
+        return _refused(data, fits, cause)
+    return _accepted(data, fits, kept, found)
+
+
+def _fitted(
+    data: CalibrationData, accel_g: NDArray[np.float64], kept: NDArray[np.bool_]
+) -> TiltAidedFits:
+    return tilt_aided_batch(
+        data.field_mg[kept],
+        accel_g[kept],
+        data.field_sd_mg,
+        data.accel_sd_g,
+        station_field_mg=data.station_field_mg,
+    )
+
+
+def _disturbances(
+    data: CalibrationData, accel_g: NDArray[np.float64], kept: NDArray[np.bool_]
+) -> tuple[Disturbance, ...]:
+    """Return the poses, of all, that contradict the rest under the fit of the kept ones."""
+    noise = (data.field_sd_mg, data.accel_sd_g)
+    mine = readings_of(data.field_mg[None, kept], accel_g[None, kept], *noise)
+    best = tilt_minimum(mine)
+    if not np.isfinite(best.chi2[0]):
+        return ()
+    every = mine.extended(data.field_mg[None], accel_g[None])
+    residual, jacobian = every.rows(best.parameters, np.array([0]))
+    count = len(data)
+    by_pose = np.swapaxes(residual.reshape(2, count), 0, 1)
+    return disturbed_poses(by_pose, np.swapaxes(jacobian.reshape(2, count, UNKNOWNS), 0, 1))
+
+
+def _disturbed_field(data: CalibrationData, found: tuple[Disturbance, ...]) -> Fit:
+    message = (
+        f"{len(found)} of {len(data)} poses contradict the others ({_names(found)}): the field "
+        "around the module changed"
+    )
+    return refusal(METHOD, Cause.FIELD_DISTURBED, message, data)
+
+
+def _names(found: tuple[Disturbance, ...]) -> str:
+    named = [f"{one.pose} by {one.sigmas:.0f} sigma" for one in found[:8]]
+    return ", ".join(named) + (", ..." if len(found) > len(named) else "")
+
+
+def _refused(data: CalibrationData, fits: TiltAidedFits, cause: Cause) -> Fit:
+    relative = 100.0 * float(fits.residual_rms_mg) / max(float(fits.field_mg), 1e-9)
+    sentences = {
+        Cause.NO_TURN: "all readings are the same: turn the module through all directions",
+        Cause.NO_ACCELERATION: "the force is near zero in a reading: the module fell or is dead",
+        Cause.TILT_TOO_SMALL: "the poses are all of one tilt: tilt the module in pitch and in roll",
+        Cause.SATURATED: f"axis {saturated_axis(data.field_mg)} stops at one value: the sensor is "
+        "saturated; degauss the module",
+        Cause.NOT_OBSERVABLE: "the poses leave a mirror image, or a heading error of more than "
+        f"{LARGEST_PREDICTED_DEG:.0f} deg RMS: tilt further, in pitch and in roll",
+        Cause.DEGENERATE: "the readings lie on no ellipsoid: an axis is stuck or mirrored",
+        Cause.NOT_CONVERGED: "the tilt-aided fit did not settle: cover more directions",
+        Cause.RESIDUAL_TOO_LARGE: f"the residual of {relative:.1f} % of the field exceeds "
+        f"{100.0 * LARGEST_RESIDUAL:.0f} %: the field around the module changed",
+    }
+    return refusal(
+        METHOD,
+        cause,
+        sentences[cause],
+        data,
+        rank=int(fits.rank),
+        condition=float(fits.condition),
+        residual_rms_mg=float(fits.residual_rms_mg),
+    )
+
+
+def _accepted(
+    data: CalibrationData,
+    fits: TiltAidedFits,
+    kept: NDArray[np.bool_],
+    found: tuple[Disturbance, ...],
+) -> Fit:
+    count = int(kept.sum())
+    corrected = (data.field_mg[kept] - fits.offset_mg) @ fits.matrix.T
+    extra = {
+        "dip_deg_sd": float(np.sqrt(fits.covariance[12, 12])),
+        "misalignment_deg": _misalignment_deg(fits.matrix),
+        "disturbed_poses": float(len(found)),
+    }
+    extra |= {f"disturbed_{one.pose}_sigmas": one.sigmas for one in found}
+    return Fit(
+        method=METHOD,
+        message=f"left out as disturbed: poses {_names(found)}" if found else "",
+        samples=count,
+        offset_mg=fits.offset_mg,
+        matrix=fits.matrix,
+        field_mg=float(fits.field_mg),
+        dip_deg=float(fits.dip_deg),
+        parameters=PARAMETERS,
+        covariance=fits.covariance,
+        residual_rms_mg=float(fits.residual_rms_mg),
+        chi2_reduced=float(fits.chi2_reduced),
+        dof=2 * count - UNKNOWNS,
+        rank=int(fits.rank),
+        condition=float(fits.condition),
+        coverage=sphere_coverage(corrected),
+        predicted_heading_rms_deg=float(fits.predicted_rms_deg),
+        predicted_heading_max_deg=float(fits.predicted_max_deg),
+        extra=extra,
+    )
+
+
+def _misalignment_deg(matrix: NDArray[np.float64]) -> float:
+    """Return the angle of the rotation in matrix = rotation @ symmetric."""
+    left, _, right = np.linalg.svd(matrix)
+    cosine = (float(np.trace(left @ right)) - 1.0) / 2.0
+    return float(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))))

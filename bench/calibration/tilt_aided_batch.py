@@ -1,0 +1,316 @@
+"""Magnetometer and accelerometer without the rig's angles, many units at once.
+
+Maximum likelihood of 13 parameters: the matrix's nine elements (which now also turn the
+magnetometer into the accelerometer's axes), the offset, and the field's dip.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from bench.calibration.fit import Cause
+from bench.calibration.grid_error import correction_rows, grid_axes, grid_field, predicted_deg
+from bench.calibration.least_squares import Inverse, Minimum, inverted, minimised
+from bench.calibration.saturation import saturated
+from bench.calibration.sphere_fits import (
+    SphereFits,
+    joined,
+    neutral_where_refused,
+    require_vectors,
+)
+from bench.calibration.sphere_model import tilt_rows
+from bench.calibration.taubin import Normalised, normalised, taubin_batch
+from bench.calibration.tilt_start import ellipsoid_start, sphere_start
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+UNKNOWNS: Final = 13
+SMALLEST: Final = 8
+BLOCK: Final = 256
+"""Units at a time, so that their derivatives stay in the processor's cache."""
+SMALLEST_TILT: Final = 0.02
+"""RMS of the force's second and third direction, about 1 deg, below which the poses are level
+or of one tilt, or turn about one axis only."""
+LEVEL_RANK: Final = 8
+SMALLEST_MIRROR: Final = 100.0
+"""Sum of squares, in standard deviations, by which the poses must contradict the mirror image."""
+SMALLEST_FORCE_G: Final = 0.1
+LEAST_NOISE: Final = 2e-5
+"""Part of the field below which no noise is assumed: 0.01 mG in 500 mG."""
+LARGEST_AXIS_RATIO: Final = 5.0
+LARGEST_RESIDUAL: Final = 0.08
+LARGEST_PREDICTED_DEG: Final = 3.0
+LARGEST_SINE: Final = 0.9998
+"""Sine of 88.9 deg: nearer to a pole there is no horizontal field."""
+PATIENCE: Final = 3.0
+"""chi2_reduced from which the second start is tried too."""
+CAUSES: Final[tuple[Cause | None, ...]] = (
+    None,
+    Cause.TOO_FEW,
+    Cause.NO_TURN,
+    Cause.NO_ACCELERATION,
+    Cause.TILT_TOO_SMALL,
+    Cause.SATURATED,
+    Cause.NOT_OBSERVABLE,
+    Cause.DEGENERATE,
+    Cause.NOT_CONVERGED,
+    Cause.RESIDUAL_TOO_LARGE,
+    Cause.FIELD_DISTURBED,
+)
+"""Causes by the code that the kernel returns; code 0 is no cause: accepted."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TiltAidedFits(SphereFits):
+    """Sphere fits with the dip, their covariance of `tilt_aided.PARAMETERS` (13).
+
+    Attributes
+    ----------
+    dip_deg : ndarray, shape (...)
+    mirror : ndarray, shape (...)
+        By how much, as a sum of squares in standard deviations, the mirror image fits worse.
+    """
+
+    dip_deg: NDArray[np.float64]
+    mirror: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Readings:
+    """Normalised readings and unit vectors down of a block of units, with the noise of both."""
+
+    cloud: Normalised
+    down: NDArray[np.float64]
+    sd: NDArray[np.float64]
+    down_sd: float
+
+    def extended(self, field_mg: NDArray[np.float64], accel_g: NDArray[np.float64]) -> Readings:
+        """Return other readings (b, n, 3) of the same units, in this one's normalisation."""
+        points = field_mg - self.cloud.centre_mg[:, None, :]
+        points = points / self.cloud.scale_mg[:, None, None]
+        return replace(self, cloud=replace(self.cloud, points=points), down=_down(accel_g))
+
+    def rows(
+        self, parameters: NDArray[np.float64], units: NDArray[np.intp]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return whitened residuals (b, 2 n), all r1 first, and Jacobian (b, 2 n, 13)."""
+        residual, jacobian = tilt_rows(
+            parameters[:, :9].reshape(-1, 3, 3),
+            parameters[:, 9:12],
+            parameters[:, 12],
+            self.cloud.points[units],
+            self.down[units],
+            self.sd[units],
+            self.down_sd,
+        )
+        count = 2 * residual.shape[2]
+        return residual.reshape(-1, count), jacobian.reshape(-1, count, UNKNOWNS)
+
+
+def tilt_aided_batch(
+    field_mg: ArrayLike,
+    accel_g: ArrayLike,
+    field_sd_mg: float,
+    accel_sd_g: float,
+    *,
+    station_field_mg: ArrayLike | None = None,
+) -> TiltAidedFits:
+    """Fit matrix, offset and dip of many units.
+
+    Parameters
+    ----------
+    field_mg, accel_g : array-like, shape (..., n, 3)
+        Raw readings of the magnetometer; specific force as it is, raw or corrected. n is the
+        same for all units.
+    field_sd_mg, accel_sd_g : float
+        Standard deviations of one reading, each axis.
+    station_field_mg : array-like, shape (3,), optional
+        Its strength is the sphere's radius; without it that of a matrix of determinant one.
+
+    Returns
+    -------
+    TiltAidedFits
+
+    Raises
+    ------
+    ValueError
+        If the shapes are others or differ, or a value is not finite.
+    """
+    readings = require_vectors("field_mg", field_mg)
+    force = require_vectors("accel_g", accel_g)
+    if force.shape != readings.shape:
+        message = f"accel_g must have the shape {readings.shape}; instead received {force.shape}"
+        raise ValueError(message)
+    strength = None if station_field_mg is None else float(np.linalg.norm(station_field_mg))
+    units = readings.reshape(-1, *readings.shape[-2:])
+    forces = force.reshape(units.shape)
+    blocks = [
+        _fitted(
+            units[first : first + BLOCK],
+            forces[first : first + BLOCK],
+            (field_sd_mg, accel_sd_g),
+            strength,
+        )
+        for first in range(0, len(units), BLOCK)
+    ]
+    return joined(blocks, readings.shape[:-2])
+
+
+def readings_of(
+    field_mg: NDArray[np.float64],
+    accel_g: NDArray[np.float64],
+    field_sd_mg: float,
+    accel_sd_g: float,
+) -> Readings:
+    """Return the readings (b, n, 3) of a block normalised, and gravity's direction in them."""
+    cloud = normalised(field_mg)
+    return Readings(
+        cloud=cloud,
+        down=_down(accel_g),
+        sd=np.maximum(field_sd_mg / cloud.scale_mg, LEAST_NOISE),
+        down_sd=accel_sd_g,
+    )
+
+
+def _down(accel_g: NDArray[np.float64]) -> NDArray[np.float64]:
+    lengths = np.linalg.norm(accel_g, axis=-1, keepdims=True)
+    return np.asarray(-accel_g / np.maximum(lengths, SMALLEST_FORCE_G))
+
+
+def tilt_minimum(readings: Readings) -> Minimum:
+    """Return the minimum from the ellipsoid's start, or from the sphere's where that is lower."""
+    cloud = readings.cloud
+    starts = taubin_batch(cloud.points)
+    best = minimised(readings.rows, ellipsoid_start(starts, cloud.points, readings.down))
+    dof = max(2 * cloud.points.shape[1] - UNKNOWNS, 1)
+    again = np.flatnonzero(~best.converged | ~starts.found | (best.chi2 > PATIENCE * dof))
+    if not len(again):
+        return best
+
+    def rows(
+        parameters: NDArray[np.float64], units: NDArray[np.intp]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return readings.rows(parameters, again[units])
+
+    other = minimised(rows, sphere_start(cloud.points[again], readings.down[again]))
+    determinant = np.linalg.det(other.parameters[:, :9].reshape(-1, 3, 3))
+    lower = (other.chi2 < best.chi2[again]) & other.converged & (determinant > 0.0)
+    kept = again[lower]
+    for mine, its in zip(
+        (best.parameters, best.normal, best.chi2, best.converged),
+        (other.parameters, other.normal, other.chi2, other.converged),
+        strict=True,
+    ):
+        mine[kept] = its[lower]
+    return best
+
+
+def _fitted(
+    field_mg: NDArray[np.float64],
+    accel_g: NDArray[np.float64],
+    noise: tuple[float, float],
+    strength_mg: float | None,
+) -> TiltAidedFits:
+    readings = readings_of(field_mg, accel_g, *noise)
+    best = tilt_minimum(readings)
+    found = inverted(best.normal)
+    matrix = best.parameters[:, :9].reshape(-1, 3, 3)
+    gains = np.linalg.svd(matrix, compute_uv=False)
+    proper = (np.linalg.det(matrix) > 0.0) & (gains[:, 0] <= LARGEST_AXIS_RATIO * gains[:, 2])
+    proper &= np.isfinite(best.chi2)
+    fits = _in_mg(readings, best, found, proper, strength_mg)
+    count = field_mg.shape[1]
+    spread = _spread(readings.down)
+    forceless = np.linalg.norm(accel_g, axis=-1).min(axis=-1) < SMALLEST_FORCE_G
+    relative = fits.residual_rms_mg / fits.field_mg
+    conditions = {
+        Cause.TOO_FEW: np.full(len(field_mg), count < SMALLEST),
+        Cause.NO_TURN: ~readings.cloud.usable,
+        Cause.NO_ACCELERATION: forceless,
+        Cause.TILT_TOO_SMALL: spread[:, 1] < SMALLEST_TILT,
+        Cause.SATURATED: saturated(field_mg).any(axis=-1),
+        Cause.NOT_OBSERVABLE: (spread[:, 2] < SMALLEST_TILT) | (fits.mirror < SMALLEST_MIRROR),
+        Cause.DEGENERATE: ~proper & best.converged,
+        Cause.NOT_CONVERGED: ~best.converged,
+        Cause.RESIDUAL_TOO_LARGE: relative > LARGEST_RESIDUAL,
+    }
+    codes = [np.int8(CAUSES.index(cause)) for cause in conditions]
+    cause = np.select(list(conditions.values()), codes, np.int8(0))
+    weak = (found.rank < UNKNOWNS) | ~(fits.predicted_rms_deg <= LARGEST_PREDICTED_DEG)
+    weak |= np.abs(best.parameters[:, 12]) > LARGEST_SINE
+    cause = np.where((cause == 0) & weak, CAUSES.index(Cause.NOT_OBSERVABLE), cause)
+    rank = np.where(spread[:, 1] < SMALLEST_TILT, np.minimum(found.rank, LEVEL_RANK), found.rank)
+    return neutral_where_refused(fits, cause.astype(np.int8), rank)
+
+
+def _spread(down: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the RMS extents, shape (b, 3), of the directions from the largest to the smallest."""
+    values = np.linalg.eigvalsh(np.swapaxes(down, 1, 2) @ down / down.shape[1])
+    return np.asarray(np.sqrt(np.maximum(values[:, ::-1], 0.0)))
+
+
+def _mirror(readings: Readings, best: Minimum) -> NDArray[np.float64]:
+    """Return by how much the half turn about the forces' common normal fits worse, shape (b,).
+
+    Forces in one plane of normal m do not tell w from its half turn 2 m (m.w) - w with the dip
+    negated. Off the plane the vertical field then differs by 2 (g.m)(m.w).
+    """
+    down, points = readings.down, readings.cloud.points
+    normal = np.linalg.eigh(np.swapaxes(down, 1, 2) @ down)[1][:, :, :1]
+    matrix = best.parameters[:, :9].reshape(-1, 3, 3)
+    inside = (points - best.parameters[:, None, 9:12]) @ np.swapaxes(matrix, 1, 2)
+    differs = 2.0 * (down @ normal)[..., 0] * (inside @ normal)[..., 0]
+    gain = np.linalg.norm(matrix, axis=(1, 2)) / np.sqrt(3.0)
+    variance = (readings.sd * gain) ** 2 + readings.down_sd**2
+    dof = max(2 * points.shape[1] - UNKNOWNS, 1)
+    variance = variance * np.maximum(best.chi2 / dof, 1.0)
+    return np.asarray((differs**2).sum(axis=1) / np.maximum(variance, 1e-300))
+
+
+def _in_mg(
+    readings: Readings,
+    best: Minimum,
+    found: Inverse,
+    proper: NDArray[np.bool_],
+    strength_mg: float | None,
+) -> TiltAidedFits:
+    cloud, parameters = readings.cloud, best.parameters
+    unit = np.where(proper[:, None, None], parameters[:, :9].reshape(-1, 3, 3), np.eye(3))
+    sine = np.clip(parameters[:, 12], -LARGEST_SINE, LARGEST_SINE)
+    cosine = np.sqrt(1.0 - sine**2)
+    if strength_mg is None:
+        strength = cloud.scale_mg / np.linalg.det(unit) ** (1.0 / 3.0)
+    else:
+        strength = np.full(len(unit), strength_mg)
+    factor = strength / cloud.scale_mg
+    dof = 2 * cloud.points.shape[1] - UNKNOWNS
+    chi2 = best.chi2 / max(dof, 1)
+    to_units = np.repeat(
+        np.stack([factor, cloud.scale_mg, np.rad2deg(1.0 / cosine)], axis=1), [9, 3, 1], axis=1
+    )
+    covariance = found.covariance * to_units[:, :, None] * to_units[:, None, :]
+    covariance = covariance * np.maximum(chi2, 1.0)[:, None, None]
+    matrix = unit * factor[:, None, None]
+    rows = correction_rows(*grid_field(grid_axes(), strength, sine), matrix)
+    rms_deg, max_deg = predicted_deg(rows, covariance[:, :12, :12])
+    residual = readings.rows(parameters, np.arange(len(parameters)))[0]
+    distance = residual[:, : cloud.points.shape[1]] * (readings.sd * cloud.scale_mg)[:, None]
+    return TiltAidedFits(
+        offset_mg=cloud.centre_mg + cloud.scale_mg[:, None] * parameters[:, 9:12],
+        matrix=matrix,
+        field_mg=strength,
+        covariance=covariance,
+        residual_rms_mg=np.sqrt((distance**2).mean(axis=1)),
+        chi2_reduced=chi2,
+        condition=found.condition,
+        rank=found.rank,
+        predicted_rms_deg=rms_deg,
+        predicted_max_deg=max_deg,
+        cause=np.zeros(len(unit), dtype=np.int8),
+        dip_deg=np.rad2deg(np.arcsin(sine)),
+        mirror=_mirror(readings, best),
+    )
