@@ -15,8 +15,8 @@ from bench.travel import RIG_PROFILE, SETTLE_S, azimuth_path_deg, require_reacha
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from bench.calibration.coverage import Prediction
     from bench.calibration.method_names import MethodName
+    from bench.calibration.planned_poses import Prediction
     from bench.procedure import Procedure
     from bench.station import Station
     from bench.steps.step import PlannedPose, Step
@@ -170,8 +170,8 @@ def predictions(procedure: Procedure, station: Station) -> list[Prediction]:
     import numpy as np
 
     from bench.acceptance.site import field_rig_mg
-    from bench.calibration.coverage import predict
     from bench.calibration.fit import CalibrationData
+    from bench.calibration.planned_poses import predict
 
     attitudes = calibration_attitudes(procedure)
     if not attitudes:

@@ -197,9 +197,9 @@ class Procedure(FileModel):
         for step in self.steps:
             yield from step.walk()
 
-    def step_names(self) -> tuple[str, ...]:
-        """Return the names under which the steps of a whole run stand in its record."""
-        return tuple(_names_in_record(self.steps))
+    def named_steps(self) -> dict[str, Step]:
+        """Return the steps of a whole run by the names under which they stand in its record."""
+        return dict(_named_in_record(self.steps))
 
     @property
     def part(self) -> str | None:
@@ -230,14 +230,14 @@ def _step_count(steps: Sequence[Step]) -> int:
     return count
 
 
-def _names_in_record(steps: Sequence[Step], suffix: str = "") -> Iterator[str]:
+def _named_in_record(steps: Sequence[Step], suffix: str = "") -> Iterator[tuple[str, Step]]:
     for step in steps:
-        yield step.name + suffix
+        yield step.name + suffix, step
         if isinstance(step, Group):
-            yield from _names_in_record(step.steps, suffix)
+            yield from _named_in_record(step.steps, suffix)
         elif isinstance(step, Repeat):
             for number in range(1, step.times + 1):
-                yield from _names_in_record(step.steps, f"{suffix}_{number}")
+                yield from _named_in_record(step.steps, f"{suffix}_{number}")
 
 
 Group.model_rebuild()

@@ -17,12 +17,14 @@ from bench.acceptance.verdict import Verdict, judge_measurement, verdict_of
 from bench.errors import ConfigError
 from bench.record.document import read_record
 from bench.record.entries import limits_of, measurement_of
+from bench.steps.fit import FitMethods
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
     from bench.acceptance.measurement import Limit, Measurement
+    from bench.steps.step import Step
 
 LARGEST_DIFFERENCE: Final = 1e-9
 """Relative difference up to which a recomputed value is the recorded one."""
@@ -72,7 +74,9 @@ def rejudge(run_dir: Path, limits_path: Path | None = None) -> Rejudged:
     """
     record = read_record(run_dir)
     limits, limits_name = _limits(run_dir, record, limits_path)
-    recomputed = RunSamples(run_dir, record).measurements()
+    steps = _own_steps(run_dir, record)
+    methods = {n: tuple(s.methods) for n, s in steps.items() if isinstance(s, FitMethods)}
+    recomputed = RunSamples(run_dir, record, methods).measurements()
     measurements, differing = [], []
     for entry in record["measurements"]:
         recorded = measurement_of(entry)
@@ -82,7 +86,7 @@ def rejudge(run_dir: Path, limits_path: Path | None = None) -> Rejudged:
         measurements.append(judge_measurement(fresh, limits))
     return Rejudged(
         measurements=measurements,
-        verdict=_verdict(run_dir, record, measurements),
+        verdict=_verdict(record, measurements, steps),
         recorded=Outcome(record["verdict"]["outcome"]) if record["verdict"] else None,
         differing=differing,
         limits_name=limits_name,
@@ -125,7 +129,9 @@ def _same(fresh: float, recorded: float) -> bool:
     return math.isclose(fresh, recorded, rel_tol=LARGEST_DIFFERENCE, abs_tol=1e-12)
 
 
-def _verdict(run_dir: Path, record: Mapping[str, Any], measurements: list[Measurement]) -> Verdict:
+def _verdict(
+    record: Mapping[str, Any], measurements: list[Measurement], steps: Mapping[str, Step]
+) -> Verdict:
     """Return the verdict; what ended the run early ends it here as well."""
     recorded = record["verdict"]
     if recorded is None:
@@ -137,21 +143,20 @@ def _verdict(run_dir: Path, record: Mapping[str, Any], measurements: list[Measur
     if outcome is Outcome.ERROR and recorded["reason"] != by_measurements.reason:
         return verdict_of(measurements, error=recorded["reason"])
     verdict = verdict_of(measurements)
-    left = _steps_left(run_dir, record)
+    ran = {entry["name"] for entry in record["steps"]}
+    left = [name for name in steps if name not in ran]
     if left and verdict.outcome in (Outcome.PASS, Outcome.MARGINAL):
         message = f"the run stopped before step {left[0]}: what was not measured cannot be judged"
         return verdict_of(measurements, error=message)
     return verdict
 
 
-def _steps_left(run_dir: Path, record: Mapping[str, Any]) -> list[str]:
-    """Return the steps of the run's own procedure that it did not come to."""
+def _own_steps(run_dir: Path, record: Mapping[str, Any]) -> Mapping[str, Step]:
+    """Return the steps of the run's own procedure by name; none if its copy was changed."""
     from bench.procedure_loader import load_procedure
 
-    ran = {entry["name"] for entry in record["steps"]}
     path = _own_file(run_dir, record["config"].get("procedure_sha256"))
-    names = load_procedure(str(path)).step_names() if path is not None else ()
-    return [name for name in names if name not in ran]
+    return load_procedure(str(path)).named_steps() if path is not None else {}
 
 
 def _own_file(run_dir: Path, sha256: str | None) -> Path | None:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bench.calibration.compensation import completed_field_mg
 from bench.calibration.ranking import RAW
 from bench.calibration.tilt import two_axis_attitude_deg
-from bench.calibration.two_axis import estimated_z_mg
 from bench.record.recorded_fits import judged_method, recorded_fits
 from bench.sample_file import iterate_samples
 from bench.samples import COMPLETE, MOVING
@@ -176,12 +176,4 @@ def compensated_field_mg(
     field_mg, accel_g : ndarray, shape (n, 3)
         Raw field and raw specific force.
     """
-    corrected_mg = fit.corrected_mg(field_mg)
-    if fit.extended_dip_deg is not None:
-        corrected_mg[:, 2] = estimated_z_mg(
-            corrected_mg,
-            *two_axis_attitude_deg(fit.corrected_g(accel_g)),
-            horizontal_mg=fit.extra["horizontal_mg"],
-            dip_deg=fit.extended_dip_deg,
-        )
-    return corrected_mg
+    return completed_field_mg(fit, field_mg, *two_axis_attitude_deg(fit.corrected_g(accel_g)))

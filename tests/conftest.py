@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import random
 from pathlib import Path
@@ -31,15 +30,6 @@ def why_no_vcan() -> str:
     return ""
 
 
-@functools.cache
-def hears_its_neighbours(file: Path) -> bool:
-    """Return whether a test file sends on udp_multicast: what is sent there all receive.
-
-    Such tests run one after the other, in one process, where pytest-xdist runs two.
-    """
-    return "udp_multicast" in file.read_text(encoding="utf-8")
-
-
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[REASON] = why_no_vcan()
 
@@ -47,8 +37,6 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     reason = config.stash[REASON]
     for item in items:
-        if hears_its_neighbours(item.path):
-            item.add_marker(pytest.mark.xdist_group("udp_multicast"))
         if reason and item.get_closest_marker("vcan"):
             item.add_marker(pytest.mark.skip(reason=f"no vcan: {reason}"))
         if item.get_closest_marker("data") and not data_folder().is_dir():

@@ -37,7 +37,7 @@ from bench.sample_file import read_samples
 from bench.samples import readings_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -51,14 +51,27 @@ CALIBRATION_KINDS: Final = ("sweep", "poses")
 class RunSamples:
     """Samples, poses and station of a finished run.
 
+    Parameters
+    ----------
+    run_dir : Path
+    record : mapping
+    methods : mapping of str to sequence of str, optional
+        What each fit step fits, by its name; where it is not known, all methods of the record.
+
     Raises
     ------
     ConfigError
         If there are no samples, or the record names no station.
     """
 
-    def __init__(self, run_dir: Path, record: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        run_dir: Path,
+        record: Mapping[str, Any],
+        methods: Mapping[str, Sequence[str]] | None = None,
+    ) -> None:
         self._record = record
+        self._methods = methods or {}
         path = run_dir / "samples.parquet"
         if not path.exists():
             message = f"{run_dir} must hold samples.parquet to be judged again; instead it has none"
@@ -126,9 +139,10 @@ class RunSamples:
         if not noted:
             return []
         data = self._calibration_data()
-        methods = dict.fromkeys([*(entry["method"] for entry in self._record["fits"]), noted[0]])
+        recorded = [entry["method"] for entry in self._record["fits"]]
+        methods = dict.fromkeys([*self._methods.get(step, recorded), noted[0]])
         try:
-            self._fits = {name: fit_named(name, data) for name in methods}
+            self._fits |= {name: fit_named(name, data) for name in methods}
         except ValueError as error:
             message = f"record cannot be judged again in step {step}: {error}"
             raise ConfigError(message) from error

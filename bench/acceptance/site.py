@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from bench.calibration.fit import CalibrationData
+from bench.calibration.ranking import LEVEL_DEG
 from bench.calibration.tilt import ned_from_body
 from bench.samples import MOVING
 from protocols.angles import wrap_180_deg, wrap_360_deg
@@ -15,9 +16,6 @@ from protocols.compass import FLAG_NO_ACCELERATION, FLAG_REPLAY_ENDED, FLAG_SYNT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-LEVEL_TILT_DEG = 1.0
-"""Poses whose pitch and roll are both smaller count as level."""
 
 
 class SiteField(Protocol):
@@ -92,10 +90,10 @@ def expected_force_g(readings: NDArray[np.void]) -> NDArray[np.float64]:
 
 
 def is_level(readings: NDArray[np.void]) -> NDArray[np.bool_]:
-    """Return, shape (n,), which poses are level within `LEVEL_TILT_DEG`."""
+    """Return, shape (n,), which poses are level within `LEVEL_DEG`."""
     pitch_deg = np.abs(readings["rig_pitch_deg"])
     roll_deg = np.abs(readings["rig_roll_deg"])
-    level: NDArray[np.bool_] = (pitch_deg < LEVEL_TILT_DEG) & (roll_deg < LEVEL_TILT_DEG)
+    level: NDArray[np.bool_] = (pitch_deg < LEVEL_DEG) & (roll_deg < LEVEL_DEG)
     return level
 
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bench.acceptance.measurement import Measurement
+from bench.calibration.compensation import completed_field_mg
 from bench.calibration.fit import Fit
 from bench.calibration.tilt import ned_from_body, two_axis_attitude_deg
-from bench.calibration.two_axis import estimated_z_mg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -63,14 +63,5 @@ def horizontal_mg(readings: NDArray[np.void], coefficients: Coefficients) -> NDA
 
 def _field_mg(readings: NDArray[np.void], fit: Fit) -> NDArray[np.float64]:
     """Return the corrected field, shape (n, 3), with the estimate as z."""
-    assert fit.extended_dip_deg is not None  # noqa: S101
     pitch_deg, roll_deg = two_axis_attitude_deg(fit.corrected_g(readings["accel_g"]))
-    field_mg = fit.corrected_mg(readings["field_mg"])
-    field_mg[:, 2] = estimated_z_mg(
-        field_mg,
-        pitch_deg,
-        roll_deg,
-        horizontal_mg=fit.extra["horizontal_mg"],
-        dip_deg=fit.extended_dip_deg,
-    )
-    return field_mg
+    return completed_field_mg(fit, readings["field_mg"], pitch_deg, roll_deg)

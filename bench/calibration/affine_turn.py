@@ -3,7 +3,8 @@
 raw = W (H cos psi, -H sin psi) + offset is linear in six numbers. It takes gains, the soft iron
 between x and y and the sensor's rotation about z, and does not rest on four extremes as
 Cho & Park's half-ranges (27)-(28) do. What it leaves is the vertical axis, and the tilt of the
-turn: 0.1 deg reads as hard iron worth 0.17 deg of heading at dip 60.
+turn: 0.1 deg reads as hard iron worth 0.17 deg of heading at dip 60. An azimuth error that all
+rows share turns every heading by as much; neither residual nor covariance shows it.
 """
 
 from __future__ import annotations

@@ -77,8 +77,10 @@ def compensated_heading_deg(
         pitch_deg, roll_deg = _attitude_deg(fit, tilt, accel_g)
     if fit is None:
         return heading_deg(field_mg, pitch_deg, roll_deg)
-    if fit.extended_dip_deg is not None:
-        return _two_axis_heading_deg(fit, fit.extended_dip_deg, field_mg, pitch_deg, roll_deg)
+    if fit.two_axis:
+        return heading_deg(
+            completed_field_mg(fit, field_mg, pitch_deg, roll_deg), pitch_deg, roll_deg
+        )
     if order is Order.TILT_FIRST:
         level = fit.corrected_mg(_levelled(field_mg, pitch_deg, roll_deg))
         return wrap_360_deg(np.rad2deg(np.arctan2(-level[..., 1], level[..., 0])))
@@ -92,6 +94,30 @@ def compensated_heading_deg(
     return heading_deg(fit.corrected_mg(field_mg), pitch_deg, roll_deg)
 
 
+def completed_field_mg(
+    fit: Fit, field_mg: NDArray[np.float64], pitch_deg: ArrayLike, roll_deg: ArrayLike
+) -> NDArray[np.float64]:
+    """Return the corrected field, shape (..., 3), with z estimated where a fit is for two axes.
+
+    Parameters
+    ----------
+    field_mg : ndarray, shape (..., 3)
+        Raw field; of a fit for two axes z is not used.
+    pitch_deg, roll_deg : array-like, shape (...)
+        Attitude; of a fit for three axes it is not used.
+    """
+    corrected = fit.corrected_mg(field_mg)
+    if fit.extended_dip_deg is not None:
+        corrected[..., 2] = estimated_z_mg(
+            corrected,
+            pitch_deg,
+            roll_deg,
+            horizontal_mg=fit.extra["horizontal_mg"],
+            dip_deg=fit.extended_dip_deg,
+        )
+    return corrected
+
+
 def _attitude_deg(
     fit: Fit | None, tilt: Fit | None, accel_g: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -100,24 +126,6 @@ def _attitude_deg(
     if fit is not None and fit.two_axis:
         return two_axis_attitude_deg(force_g)
     return attitude_deg(force_g)
-
-
-def _two_axis_heading_deg(
-    fit: Fit,
-    dip_deg: float,
-    field_mg: NDArray[np.float64],
-    pitch_deg: ArrayLike,
-    roll_deg: ArrayLike,
-) -> NDArray[np.float64]:
-    corrected = fit.corrected_mg(field_mg)
-    corrected[..., 2] = estimated_z_mg(
-        corrected,
-        pitch_deg,
-        roll_deg,
-        horizontal_mg=fit.extra["horizontal_mg"],
-        dip_deg=dip_deg,
-    )
-    return heading_deg(corrected, pitch_deg, roll_deg)
 
 
 def _levelled(

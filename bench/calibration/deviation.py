@@ -35,6 +35,8 @@ SMALLEST: Final = 8
 NAMES: Final = ("A", "B", "C", "D", "E")
 LARGEST_GAP_DEG: Final = 90.0
 """Largest gap between neighbouring headings."""
+SMALLEST_SPREAD: Final = 0.01
+"""Least mean square of any mix of the five terms: 0.5 of headings spread evenly, 0 of four."""
 CAUSES: Final[tuple[Cause | None, ...]] = (
     None,
     Cause.TOO_FEW,
@@ -132,7 +134,7 @@ def linear_deviation(compass_deg: ArrayLike, magnetic_deg: ArrayLike) -> Deviati
     magnetic_rad, deviation_rad = _one_unit(compass_deg, magnetic_deg)
     if magnetic_rad.shape[-1] < SMALLEST:
         return _none_of(()).unit()
-    cause = _gap_cause(magnetic_rad)
+    cause = _places_cause(magnetic_rad)
     columns, _ = _parts(magnetic_rad)
     solution = _steps(columns, deviation_rad)
     residual = deviation_rad - columns @ solution
@@ -150,8 +152,9 @@ def exact_deviation(compass_deg: ArrayLike, magnetic_deg: ArrayLike) -> Deviatio
     Returns
     -------
     Deviation
-        Refused with HARD_IRON_TOO_LARGE at B^2 + C^2 >= 1, TOO_FEW below 8 headings, NO_TURN with
-        a gap over 90 deg, NOT_CONVERGED.
+        Refused with HARD_IRON_TOO_LARGE at B^2 + C^2 >= 1, TOO_FEW below 8 headings or where they
+        stand at so few places that the five coefficients cannot be told apart, NO_TURN with a gap
+        over 90 deg, NOT_CONVERGED.
 
     Raises
     ------
@@ -200,7 +203,7 @@ def exact_deviation_batch(compass_deg: ArrayLike, magnetic_deg: ArrayLike) -> De
     magnetic_rad, deviation_rad = _checked(compass_deg, magnetic_deg)
     if magnetic_rad.shape[-1] < SMALLEST:
         return _none_of(magnetic_rad.shape[:-1])
-    cause = _gap_cause(magnetic_rad)
+    cause = _places_cause(magnetic_rad)
     turned, twice = magnetic_rad - deviation_rad, 2.0 * magnetic_rad - deviation_rad
     columns = np.stack(
         [np.cos(deviation_rad), np.sin(turned), np.cos(turned), np.sin(twice), np.cos(twice)],
@@ -264,10 +267,14 @@ def _checked(
     return np.deg2rad(np.broadcast_to(magnetic, shape)), np.deg2rad(deviation_deg)
 
 
-def _gap_cause(magnetic_rad: NDArray[np.float64]) -> NDArray[np.int8]:
-    """Return, shape (...), 2 where the headings leave a gap, else 0."""
+def _places_cause(magnetic_rad: NDArray[np.float64]) -> NDArray[np.int8]:
+    """Return, shape (...), 2 where the headings leave a gap, 1 where they are too few places."""
     gap_deg = largest_azimuth_gap_deg(np.rad2deg(magnetic_rad))
-    return np.where(gap_deg > LARGEST_GAP_DEG + 1e-4, 2, 0).astype(np.int8)
+    series, _ = _parts(magnetic_rad)
+    moments = np.swapaxes(series, -1, -2) @ series / magnetic_rad.shape[-1]
+    spread = np.linalg.eigvalsh(moments)[..., 0]
+    codes = np.select([gap_deg > LARGEST_GAP_DEG + 1e-4, spread < SMALLEST_SPREAD], [2, 1], 0)
+    return codes.astype(np.int8)
 
 
 def _parts(magnetic_rad: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -380,5 +387,7 @@ def _batch(
 def _amplitude(
     magnetic_rad: NDArray[np.float64], residual: NDArray[np.float64], order: int
 ) -> NDArray[np.float64]:
-    wave = np.exp(-1j * order * magnetic_rad)
-    return np.asarray(2.0 * np.abs((residual * wave).mean(axis=-1)))
+    """Return the amplitude of one harmonic by least squares, which 8 headings do not double."""
+    angle_rad = order * magnetic_rad
+    wave = _steps(np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=-1), residual)
+    return np.asarray(np.hypot(wave[..., 0], wave[..., 1]))

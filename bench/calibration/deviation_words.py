@@ -15,7 +15,7 @@ _MEANINGS: Final = (
     ("34", "third and fourth harmonics: non-linearity or cross-axis effect of the sensor"),
 )
 SENTENCES: Final = {
-    Cause.TOO_FEW: "at least 8 headings round the circle are needed",
+    Cause.TOO_FEW: "at least 8 headings round the circle are needed, at 5 places or more",
     Cause.NO_TURN: "the headings leave a gap of more than 90 deg: swing through the whole circle",
     Cause.HARD_IRON_TOO_LARGE: "hard iron reverses the horizontal field: degauss, or look for a "
     "magnet",

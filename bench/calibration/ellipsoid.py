@@ -25,7 +25,7 @@ import numpy as np
 from bench.calibration.coverage import sphere_coverage
 from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
 from bench.calibration.prediction import heading_grid, predicted_heading_deg
-from bench.calibration.saturation import saturated_axis
+from bench.calibration.saturation import STOPPED, saturated_axis
 from bench.calibration.tilt import attitude_deg
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def fit_ellipsoid(data: CalibrationData) -> Fit:
         return refusal(METHOD, Cause.TILT_TOO_SMALL, message, data, rank=5)
     held = saturated_axis(data.field_mg)
     if held is not None:
-        message = f"axis {held} stops at one value: the sensor is saturated; degauss the module"
+        message = f"axis {held} {STOPPED}"
         return refusal(METHOD, Cause.SATURATED, message, data)
     start = taubin_ellipsoid(unit)
     if start is None:

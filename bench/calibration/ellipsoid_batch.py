@@ -22,7 +22,7 @@ from bench.calibration.ellipsoid import (
 )
 from bench.calibration.fit import Cause
 from bench.calibration.grid_error import correction_rows, grid_axes, grid_field, predicted_deg
-from bench.calibration.least_squares import Inverse, Minimum, inverted, minimised
+from bench.calibration.least_squares import Inverse, Minimum, Rows, inverted, minimised
 from bench.calibration.saturation import saturated
 from bench.calibration.sphere_fits import (
     SphereFits,
@@ -46,6 +46,10 @@ UNKNOWNS: Final = 9
 BLOCK: Final = 512
 """Units at a time, so that their derivatives stay in the processor's cache."""
 DIRECTIONS: Final = 400
+DOUBTFUL_DEG: Final = 0.75
+"""Predicted RMS above which it is asked how far the prediction itself can be trusted."""
+PESSIMISM: Final = 4.0
+"""Standard deviations by which the estimate may be off in that question."""
 CAUSES: Final[tuple[Cause | None, ...]] = (
     None,
     Cause.TOO_FEW,
@@ -103,10 +107,8 @@ def ellipsoid_batch(
     return joined(blocks, readings.shape[:-2])
 
 
-def sphere_minimum(
-    points: NDArray[np.float64], starts: TaubinStarts, sd: NDArray[np.float64]
-) -> Minimum:
-    """Return the Sampson minimum of normalised points (b, n, 3) of noise `sd` (b,)."""
+def sphere_rows_of(points: NDArray[np.float64], sd: NDArray[np.float64]) -> Rows:
+    """Return the Sampson residuals of normalised points (b, n, 3) of noise `sd` (b,) as rows."""
 
     def rows(
         parameters: NDArray[np.float64], units: NDArray[np.intp]
@@ -116,8 +118,16 @@ def sphere_minimum(
         )
         return residual, np.concatenate([folded(by_all[..., :9]), by_all[..., 9:]], axis=-1)
 
+    return rows
+
+
+def sphere_minimum(
+    points: NDArray[np.float64], starts: TaubinStarts, sd: NDArray[np.float64]
+) -> Minimum:
+    """Return the Sampson minimum of normalised points (b, n, 3) of noise `sd` (b,)."""
     elements = starts.matrix[:, SYMMETRIC_ROWS, SYMMETRIC_COLUMNS]
-    return minimised(rows, np.concatenate([elements, starts.centre], axis=1))
+    start = np.concatenate([elements, starts.centre], axis=1)
+    return minimised(sphere_rows_of(points, sd), start)
 
 
 def _fitted(
@@ -126,7 +136,8 @@ def _fitted(
     few = field_mg.shape[1] < SMALLEST
     cloud = normalised(field_mg)
     starts = taubin_batch(cloud.points)
-    best = sphere_minimum(cloud.points, starts, field_sd_mg / cloud.scale_mg)
+    sd = field_sd_mg / cloud.scale_mg
+    best = sphere_minimum(cloud.points, starts, sd)
     found = inverted(best.normal)
     rank = np.where(starts.told_apart, found.rank, np.minimum(found.rank, UNKNOWNS - 1))
     values = np.linalg.eigvalsh(symmetric(best.parameters[:, :6]))
@@ -138,7 +149,7 @@ def _fitted(
     disturbed = _all_round(cloud, no_ellipsoid)
     conditions = {
         Cause.TOO_FEW: np.full(len(field_mg), few),
-        Cause.NO_TURN: ~cloud.usable,
+        Cause.NO_TURN: cloud.still,
         Cause.TILT_TOO_SMALL: cloud.extent_ratio < FLAT,
         Cause.SATURATED: saturated(field_mg).any(axis=-1),
         Cause.FIELD_DISTURBED: disturbed,
@@ -149,7 +160,46 @@ def _fitted(
     }
     codes = [np.int8(CAUSES.index(cause)) for cause in conditions]
     cause = np.select(list(conditions.values()), codes, np.int8(0)).astype(np.int8)
+    doubtful = np.flatnonzero((cause == 0) & (fits.predicted_rms_deg > DOUBTFUL_DEG))
+    if len(doubtful):
+        growth = _growth(sphere_rows_of(cloud.points, sd), best, doubtful)
+        worse = fits.predicted_rms_deg[doubtful] * growth > LARGEST_PREDICTED_DEG
+        cause[doubtful[worse]] = CAUSES.index(Cause.NOT_OBSERVABLE)
     return neutral_where_refused(fits, cause, rank)
+
+
+def _growth(rows: Rows, best: Minimum, units: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return by which factor the prediction could be too small, shape (b,), for some units.
+
+    Where the readings are weak the prediction depends on the estimate's own error: it is
+    evaluated one standard deviation to either side along the weakest direction, and continued
+    in equal ratios to four.
+    """
+    normal = best.normal[units]
+    scale = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
+    values, vectors = np.linalg.eigh(normal / (scale[:, :, None] * scale[:, None, :]))
+    shift = vectors[:, :, 0] / np.sqrt(np.maximum(values[:, :1], 1e-12)) / scale
+
+    def predicted(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        jacobian = rows(parameters, units)[1]
+        covariance = inverted(np.swapaxes(jacobian, 1, 2) @ jacobian).covariance
+        sine = np.full(len(units), np.sin(np.deg2rad(60.0)))
+        return _predicted(np.ones(len(units)), sine, symmetric(parameters[:, :6]), covariance)[0]
+
+    here = predicted(best.parameters[units])
+    beside = [predicted(best.parameters[units] + sign * shift) for sign in (1.0, -1.0)]
+    return np.asarray((np.maximum(*beside) / here) ** PESSIMISM)
+
+
+def _predicted(
+    strength: NDArray[np.float64],
+    sine: NDArray[np.float64],
+    matrix: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    rows = correction_rows(*grid_field(grid_axes(), strength, sine), matrix)
+    rows = np.concatenate([folded(rows[..., :9]), rows[..., 9:]], axis=-1)
+    return predicted_deg(rows, covariance)
 
 
 def _all_round(cloud: Normalised, asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -188,9 +238,7 @@ def _in_mg(
     units = np.repeat(np.stack([factor, cloud.scale_mg], axis=1), [6, 3], axis=1)
     covariance = found.covariance * units[:, :, None] * units[:, None, :]
     covariance = covariance * np.maximum(chi2, 1.0)[:, None, None]
-    rows = correction_rows(*grid_field(grid_axes(), strength, sine), matrix)
-    rows = np.concatenate([folded(rows[..., :9]), rows[..., 9:]], axis=-1)
-    rms_deg, max_deg = predicted_deg(rows, covariance)
+    rms_deg, max_deg = _predicted(strength, sine, matrix, covariance)
     return SphereFits(
         offset_mg=cloud.centre_mg + cloud.scale_mg[:, None] * best.parameters[:, 6:],
         matrix=matrix,

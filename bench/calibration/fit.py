@@ -69,6 +69,13 @@ class CalibrationData:
     def __len__(self) -> int:
         return len(self.field_mg)
 
+    @property
+    def field_azimuth_deg(self) -> float:
+        """Azimuth of magnetic north from the rig's zero; 0 where the station's is not known."""
+        if self.station_field_mg is None:
+            return 0.0
+        return float(np.rad2deg(np.arctan2(self.station_field_mg[1], self.station_field_mg[0])))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from bench.calibration.compensation import Order
-from bench.calibration.methods import METHODS, fit_named, require_finite, rows_of
+from bench.calibration.methods import fit_all, fit_named, require_finite, rows_of
 from bench.calibration.ranking import (
     TILT_METHODS,
     HeadingError,
@@ -81,8 +81,9 @@ def fit_report(
         fit, judged = fitted(data, method, holdout)
         report = report_of(fit, judged, _lenders(data, fit, holdout), chosen)
     else:
-        judged = split(data, holdout)[1]
-        fits = {name: fitted(data, name, holdout)[0] for name in METHODS}
+        require_finite(data)
+        used, judged = split(data, holdout)
+        fits = fit_all(used)
         ranked = rank(list(fits.values()), judged, order=chosen)
         ranking = [report_of(entry.fit, judged, fits, chosen) for entry in ranked]
         report = {"method": ALL, "order": str(chosen), "ranking": ranking}

@@ -12,7 +12,7 @@ averages, four readings see all.
 
 References
 ----------
-.. [1] J. Skula, "New Method for Magnetometer Offset Compensation", 2010, equations (4)-(7).
+.. [1] D. Skula, "New Method for Magnetometer Offset Compensation", 2010, equations (4)-(7).
 """
 
 from __future__ import annotations

@@ -1,7 +1,12 @@
 """Heading error over the verification grid from the covariance of matrix and offset, batched.
 
 An error dv of the corrected field, in the body, turns the heading by -(e . dv)/H with e the unit
-vector east in the body and H the horizontal field: the derivative at any attitude, in closed form.
+vector east in the body and H the horizontal field. An error df of the specific force moves down
+by dd = -df, which turns the heading by
+
+    (e . dd)(tan(dip) + tan(pitch) cos(heading)) - (n . dd) tan(pitch) sin(heading)
+
+with n the unit vector north in the body: derivatives at any attitude, in closed form.
 """
 
 from __future__ import annotations
@@ -41,6 +46,25 @@ def grid_field(
     vectors = cosine[..., None, None] * north + sine[..., None, None] * down
     gradient = -np.rad2deg(1.0 / (strength * cosine))[..., None, None] * east
     return strength[..., None, None] * vectors, gradient
+
+
+def grid_force(
+    axes: NDArray[np.float64], sine: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the force in the body and the heading's derivative by it (deg/g), (..., k, 3).
+
+    Parameters
+    ----------
+    axes : ndarray, shape (k, 3, 3)
+    sine : ndarray, shape (...)
+        Sine of the dip.
+    """
+    north, east, down = np.moveaxis(axes, -2, 0)
+    tangent = sine / np.sqrt(np.maximum(1.0 - sine**2, SMALLEST_HORIZONTAL**2))
+    lean = -down[:, :1] / (1.0 - down[:, :1] ** 2)
+    across = lean * (north[:, :1] * east - east[:, :1] * north)
+    gradient = -np.rad2deg(tangent[..., None, None] * east + across)
+    return np.broadcast_to(-down, gradient.shape), gradient
 
 
 def correction_rows(

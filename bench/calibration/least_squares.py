@@ -109,12 +109,14 @@ def minimised(rows: Rows, start: NDArray[np.float64]) -> Minimum:
 def _normal(
     rows: Rows, parameters: NDArray[np.float64], units: NDArray[np.intp]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], int]:
-    residual, jacobian = rows(parameters, units)
-    turned = np.swapaxes(jacobian, -1, -2)
-    slope = (turned @ residual[..., None])[..., 0]
-    chi2 = np.einsum("bm,bm->b", residual, residual)
+    with np.errstate(over="ignore", invalid="ignore"):  # a trial step too far is not taken
+        residual, jacobian = rows(parameters, units)
+        turned = np.swapaxes(jacobian, -1, -2)
+        slope = (turned @ residual[..., None])[..., 0]
+        chi2 = np.einsum("bm,bm->b", residual, residual)
+        normal = turned @ jacobian
     chi2 = np.where(np.isfinite(chi2), chi2, np.inf)
-    return turned @ jacobian, slope, chi2, residual.shape[1]
+    return normal, slope, chi2, residual.shape[1]
 
 
 def _step(

@@ -10,7 +10,7 @@ from bench.calibration.coverage import sphere_coverage
 from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
 from bench.calibration.level_kernel import DISTURBED_SIGMA, LARGEST_MG, LevelFits, refused_cause
 from bench.calibration.prediction import grid_attitudes_deg, predicted_heading_deg
-from bench.calibration.saturation import saturated_axis
+from bench.calibration.saturation import STOPPED, saturated_axis
 from bench.calibration.tilt import attitude_deg
 from protocols.angles import wrap_180_deg
 
@@ -87,7 +87,7 @@ def refused_rows(
         return refusal(method, Cause.DEGENERATE, message, data)
     held = saturated_axis(field_mg)
     if held is not None:
-        message = f"axis {held} stops at one value: the sensor is saturated; degauss the module"
+        message = f"axis {held} {STOPPED}"
         return refusal(method, Cause.SATURATED, message, data)
     amplitude_mg = float(np.ptp(field_mg[:, :2], axis=0).mean()) / 2.0
     change_mg = returned_change_mg(data, rows)
@@ -112,7 +112,7 @@ def refused_fit(
     sentences = {
         Cause.NO_TURN: f"the turn leaves a gap of {fits.gap_deg:.0f} deg, or the readings hardly "
         "change: turn through all headings",
-        Cause.SATURATED: "an axis stops at one value: the sensor is saturated; degauss the module",
+        Cause.SATURATED: f"an axis {STOPPED}",
         Cause.DEGENERATE: "the readings lie on no ellipse of usable shape: no full turn, or an "
         "axis is stuck",
         Cause.FIELD_DISTURBED: "the halves of the turn differ: the field changed during the turn",
@@ -217,10 +217,11 @@ def amplitude_fit(
 def amplitude_slopes(
     matrix: NDArray[np.float64], amplitude_mg: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the derivative, (4, 2, 2), of diag(H/A) by offset x, y (none), A of x and A of y."""
-    slopes = np.zeros((4, 2, 2))
+    """Return the derivative, (..., 4, 2, 2), of diag(H/A) by offset x, y (none), A of x, of y."""
+    slopes = np.zeros((*matrix.shape[:-2], 4, 2, 2))
     for axis in range(2):
-        slopes[2 + axis, axis, axis] = -matrix[axis, axis] / amplitude_mg[axis]
+        safe_mg = np.maximum(amplitude_mg[..., axis], 1e-9)
+        slopes[..., 2 + axis, axis, axis] = -matrix[..., axis, axis] / safe_mg
     return slopes
 
 

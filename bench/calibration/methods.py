@@ -55,10 +55,10 @@ def fit_named(name: str, data: CalibrationData) -> Fit:
     return METHODS[name](data)
 
 
-def fit_all(data: CalibrationData) -> list[Fit]:
-    """Fit every method on the same data; those that cannot are refused with their cause."""
+def fit_all(data: CalibrationData) -> dict[str, Fit]:
+    """Return the fit of every method, by name, on the same data; refused ones with their cause."""
     require_finite(data)
-    return [method(data) for method in METHODS.values()]
+    return {name: fit(data) for name, fit in METHODS.items()}
 
 
 def require_finite(data: CalibrationData) -> None:

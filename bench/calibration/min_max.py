@@ -11,8 +11,8 @@ The largest reading of a coarse turn lies inside; what that makes unequal is in 
 
 References
 ----------
-.. [1] J. Skula, "New Method for Magnetometer Offset Compensation", 2010.
-.. [2] M. Konvalin, "Compensating for Tilt, Hard-Iron, and Soft-Iron Effects", 2009.
+.. [1] D. Skula, "New Method for Magnetometer Offset Compensation", 2010.
+.. [2] C. Konvalin, "Compensating for Tilt, Hard-Iron, and Soft-Iron Effects", 2009.
 .. [3] S. Y. Cho and C. G. Park, ETRI Journal 27(3), 2005.
 """
 

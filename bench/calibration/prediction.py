@@ -85,12 +85,10 @@ def heading_gradients_deg(
     return gradients[0], gradients[1]
 
 
-def heading_grid(
-    field_ned_mg: NDArray[np.float64] | None = None, *, level_only: bool = False
-) -> HeadingGrid:
+def heading_grid(field_ned_mg: NDArray[np.float64] | None = None) -> HeadingGrid:
     """Return the acceptance grid in a field given in NED, shape (3,)."""
     ned_mg = DEFAULT_FIELD_MG if field_ned_mg is None else np.asarray(field_ned_mg, dtype=float)
-    rotations = ned_from_body(*grid_attitudes_deg(level_only=level_only).T)
+    rotations = ned_from_body(*grid_attitudes_deg().T)
     field_mg = np.einsum("nji,j->ni", rotations, ned_mg)
     force_g = np.einsum("nji,j->ni", rotations, -DOWN)
     field_gradient, force_gradient = heading_gradients_deg(field_mg, force_g)

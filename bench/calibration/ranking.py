@@ -215,9 +215,7 @@ def expected_heading_deg(data: CalibrationData) -> NDArray[np.float64]:
     if data.azimuth_deg is None:
         message = "azimuth_deg must be given for a heading error; instead received none"
         raise ValueError(message)
-    station = data.station_field_mg
-    field_azimuth_deg = 0.0 if station is None else np.rad2deg(np.arctan2(station[1], station[0]))
-    return wrap_360_deg(data.azimuth_deg - field_azimuth_deg)
+    return wrap_360_deg(data.azimuth_deg - data.field_azimuth_deg)
 
 
 def heading_errors_deg(

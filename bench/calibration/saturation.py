@@ -16,6 +16,8 @@ HELD_SHARE: Final = 3
 SPREAD: Final = 0.2
 """Spread of the other two axes meanwhile, over the readings' extent. At the true extreme of a
 turn it is near zero: the module then points one way."""
+STOPPED: Final = "stops at one value: the sensor is saturated; degauss the module"
+"""What a refusal says of an axis."""
 
 
 def saturated_axis(field_mg: NDArray[np.float64]) -> str | None:

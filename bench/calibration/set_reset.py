@@ -15,7 +15,7 @@ The field's own cross-axis term, 1/(1 - (C/Hk)^2), is 0.1 % at 250 mG and 8 G an
 References
 ----------
 .. [1] M. J. Caruso, PLANS 2000, equations (5)-(7).
-.. [2] J. Skula, "New Method for Magnetometer Offset Compensation", 2010, equation (1).
+.. [2] D. Skula, "New Method for Magnetometer Offset Compensation", 2010, equation (1).
 .. [3] P. Ripka et al., Sensors and Actuators A 2006: cross-axis term of AMR bridges.
 """
 
@@ -28,7 +28,7 @@ import numpy as np
 
 from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
 from bench.calibration.level_kernel import LARGEST_MG, first_cause, refused_cause
-from bench.calibration.saturation import saturated
+from bench.calibration.saturation import STOPPED, saturated
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -119,7 +119,7 @@ def fit_set_reset(data: CalibrationData) -> Fit:
     if cause is not None:
         dead = " and ".join(AXES[axis] for axis in range(3) if fits.symmetry[axis] == 0.0)
         message = (
-            "an axis stops at one value: the sensor is saturated; degauss the module"
+            f"an axis {STOPPED}"
             if cause is Cause.SATURATED
             else f"half the difference of set and reset does not follow the field on "
             f"{dead or 'any axis'}: the strap does not flip the film, or the field is too small"

@@ -10,10 +10,12 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from _typeshed import DataclassInstance
     from numpy.typing import ArrayLike, NDArray
 
 
 Fits = TypeVar("Fits", bound="SphereFits")
+Units = TypeVar("Units", bound="DataclassInstance")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,7 +72,7 @@ def require_vectors(name: str, values: ArrayLike) -> NDArray[np.float64]:
     return vectors
 
 
-def joined(blocks: Sequence[Fits], shape: tuple[int, ...]) -> Fits:
+def joined(blocks: Sequence[Units], shape: tuple[int, ...]) -> Units:
     """Return blocks of fits, each with one unit axis, as one with unit axes of a shape."""
     names = [one.name for one in fields(blocks[0])]
     whole = {name: np.concatenate([getattr(block, name) for block in blocks]) for name in names}

@@ -23,16 +23,22 @@ if TYPE_CHECKING:
 LARGEST_MG: Final = 1e7
 """No magnetometer reads more; beyond it squares of readings would overflow."""
 SMALLEST_DETERMINANT: Final = 1e-12
+SMALLEST_EXTENT: Final = 1e-6
+"""Extent, over the largest or over the readings themselves, that is rounding alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Normalised:
-    """Readings (b, n, 3) centred and divided by their RMS length, with both."""
+    """Readings (b, n, 3) centred and divided by their RMS length, with both.
+
+    `extent_ratio` is the smallest over the largest extent, `still` where all readings are one.
+    """
 
     points: NDArray[np.float64]
     centre_mg: NDArray[np.float64]
     scale_mg: NDArray[np.float64]
     extent_ratio: NDArray[np.float64]
+    still: NDArray[np.bool_]
     usable: NDArray[np.bool_]
 
 
@@ -47,24 +53,41 @@ class TaubinStarts:
 
 
 def normalised(field_mg: NDArray[np.float64]) -> Normalised:
-    """Return readings, shape (b, n, 3), centred and of RMS length 1; `usable` where they vary."""
+    """Return readings, shape (b, n, 3), centred and of RMS length 1.
+
+    Units whose readings do not span three axes, or are beyond any magnetometer's range, get
+    points of a sphere instead, and are not `usable`: what follows then needs no exceptions.
+    """
+    count = field_mg.shape[1]
     beyond = np.abs(field_mg).max(axis=(1, 2)) > LARGEST_MG
     readings = np.where(beyond[:, None, None], 0.0, field_mg)
     centre_mg = readings.mean(axis=1)
     points = readings - centre_mg[:, None, :]
-    scale_mg = np.sqrt(np.einsum("bni,bni->b", points, points) / field_mg.shape[1])
-    still = scale_mg <= 1e-12 * (1.0 + np.abs(centre_mg).max(axis=1))
+    scale_mg = np.sqrt(np.einsum("bni,bni->b", points, points) / count)
+    still = scale_mg <= SMALLEST_EXTENT * (1.0 + np.abs(centre_mg).max(axis=1))
     scale_mg = np.where(still, 1.0, scale_mg)
     points = points / scale_mg[:, None, None]
     spread = np.linalg.eigvalsh(np.swapaxes(points, 1, 2) @ points)
     ratio = np.sqrt(np.maximum(spread[:, 0], 0.0) / np.maximum(spread[:, 2], 1e-300))
+    ratio = np.where(still, 0.0, ratio)
+    usable = ~still & (ratio > SMALLEST_EXTENT)
     return Normalised(
-        points=points,
+        points=np.where(usable[:, None, None], points, _sphere(count)),
         centre_mg=centre_mg,
         scale_mg=scale_mg,
-        extent_ratio=np.where(still, 0.0, ratio),
-        usable=~still,
+        extent_ratio=ratio,
+        still=still,
+        usable=usable,
     )
+
+
+def _sphere(count: int) -> NDArray[np.float64]:
+    """Return points, shape (count, 3), evenly along a spiral on the unit sphere."""
+    index = np.arange(count) + 0.5
+    height = 1.0 - 2.0 * index / count
+    turn_rad = index * np.pi * (3.0 - np.sqrt(5.0))
+    across = np.sqrt(1.0 - height**2)
+    return np.column_stack([across * np.cos(turn_rad), across * np.sin(turn_rad), height])
 
 
 def taubin_batch(points: NDArray[np.float64]) -> TaubinStarts:
@@ -80,8 +103,9 @@ def taubin_batch(points: NDArray[np.float64]) -> TaubinStarts:
     moments = np.swapaxes(centred, 1, 2) @ centred / points.shape[1]
     weights = _gradient_moments(np.swapaxes(points, 1, 2) @ points / points.shape[1])
     values, vectors = np.linalg.eigh(weights)
-    flat = values[:, 0] < 1e-9 * values[:, -1]
-    half = vectors / np.sqrt(np.maximum(values, 1e-9 * values[:, -1:]))[:, None, :]
+    least = np.maximum(1e-9 * values[:, -1:], 1e-300)
+    flat = values[:, 0] < least[:, 0]
+    half = vectors / np.sqrt(np.maximum(values, least))[:, None, :]
     whitened = np.concatenate([np.swapaxes(half, 1, 2) @ moments[:, :6], moments[:, 6:]], axis=1)
     whitened = np.concatenate([whitened[:, :, :6] @ half, whitened[:, :, 6:]], axis=2)
     distances, quadrics = np.linalg.eigh(whitened)
@@ -121,4 +145,5 @@ def _ellipsoids(
     found = ~singular & (level != 0.0) & (values[:, 0] > 0.0)
     found &= values[:, 2] <= LARGEST_AXIS_RATIO**2 * values[:, 0]
     roots = np.sqrt(np.where(found[:, None], values, 1.0))
-    return vectors * roots[:, None, :] @ np.swapaxes(vectors, 1, 2), centre, found
+    matrix = vectors * roots[:, None, :] @ np.swapaxes(vectors, 1, 2)
+    return np.asarray(matrix), np.asarray(centre), np.asarray(found)

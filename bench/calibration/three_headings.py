@@ -102,12 +102,10 @@ def fit_three_headings(data: CalibrationData) -> Fit:
     if refused is not None:
         return refused
     chosen = _thirds(data.azimuth_deg, np.flatnonzero(rows))
-    station = data.station_field_mg
-    zero_deg = 0.0 if station is None else float(np.rad2deg(np.arctan2(station[1], station[0])))
     field_mg = data.field_mg[chosen][:, :2]
     fits = three_headings_batch(
         field_mg,
-        data.azimuth_deg[chosen] - zero_deg,
+        data.azimuth_deg[chosen] - data.field_azimuth_deg,
         data.field_sd_mg,
         horizontal_mg=station_horizontal_mg(data),
         heading_sd_deg=data.rig_sd_deg,

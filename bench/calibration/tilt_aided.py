@@ -28,6 +28,7 @@ from bench.calibration.tilt_aided_batch import (
     LARGEST_PREDICTED_DEG,
     LARGEST_RESIDUAL,
     SMALLEST,
+    SMALLEST_MIRROR,
     UNKNOWNS,
     TiltAidedFits,
     readings_of,
@@ -145,9 +146,9 @@ def _refused(data: CalibrationData, fits: TiltAidedFits, cause: Cause) -> Fit:
         Cause.TILT_TOO_SMALL: "the poses are all of one tilt: tilt the module in pitch and in roll",
         Cause.SATURATED: f"axis {saturated_axis(data.field_mg)} stops at one value: the sensor is "
         "saturated; degauss the module",
-        Cause.NOT_OBSERVABLE: "the poses leave a mirror image, or a heading error of more than "
-        f"{LARGEST_PREDICTED_DEG:.0f} deg RMS: tilt further, in pitch and in roll",
-        Cause.DEGENERATE: "the readings lie on no ellipsoid: an axis is stuck or mirrored",
+        Cause.NOT_OBSERVABLE: _unobservable(fits),
+        Cause.DEGENERATE: "the readings lie on no ellipsoid, or have a dip of "
+        f"{float(fits.dip_deg):.0f} deg: an axis is stuck or mirrored, or the force has its sign",
         Cause.NOT_CONVERGED: "the tilt-aided fit did not settle: cover more directions",
         Cause.RESIDUAL_TOO_LARGE: f"the residual of {relative:.1f} % of the field exceeds "
         f"{100.0 * LARGEST_RESIDUAL:.0f} %: the field around the module changed",
@@ -160,6 +161,15 @@ def _refused(data: CalibrationData, fits: TiltAidedFits, cause: Cause) -> Fit:
         rank=int(fits.rank),
         condition=float(fits.condition),
         residual_rms_mg=float(fits.residual_rms_mg),
+    )
+
+
+def _unobservable(fits: TiltAidedFits) -> str:
+    if float(fits.mirror) < SMALLEST_MIRROR:
+        return "the poses tilt about one axis and leave a mirror image: tilt in pitch and in roll"
+    return (
+        "the poses would leave a heading error of more than "
+        f"{LARGEST_PREDICTED_DEG:.0f} deg RMS: tilt further, in pitch and in roll, or add poses"
     )
 
 

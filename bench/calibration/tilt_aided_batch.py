@@ -44,6 +44,8 @@ LEAST_NOISE: Final = 2e-5
 LARGEST_AXIS_RATIO: Final = 5.0
 LARGEST_RESIDUAL: Final = 0.08
 LARGEST_PREDICTED_DEG: Final = 3.0
+LARGEST_DIP_DIFFERENCE_DEG: Final = 20.0
+"""Difference from the station's dip beyond which a sensor is mirrored, not the site disturbed."""
 LARGEST_SINE: Final = 0.9998
 """Sine of 88.9 deg: nearer to a pole there is no horizontal field."""
 PATIENCE: Final = 3.0
@@ -57,9 +59,8 @@ CAUSES: Final[tuple[Cause | None, ...]] = (
     Cause.SATURATED,
     Cause.NOT_OBSERVABLE,
     Cause.DEGENERATE,
-    Cause.NOT_CONVERGED,
     Cause.RESIDUAL_TOO_LARGE,
-    Cause.FIELD_DISTURBED,
+    Cause.NOT_CONVERGED,
 )
 """Causes by the code that the kernel returns; code 0 is no cause: accepted."""
 
@@ -72,7 +73,8 @@ class TiltAidedFits(SphereFits):
     ----------
     dip_deg : ndarray, shape (...)
     mirror : ndarray, shape (...)
-        By how much, as a sum of squares in standard deviations, the mirror image fits worse.
+        By how much, as a sum of squares in standard deviations, the mirror image fits worse; 0
+        where the poses tilt about one axis only.
     """
 
     dip_deg: NDArray[np.float64]
@@ -129,7 +131,9 @@ def tilt_aided_batch(
     field_sd_mg, accel_sd_g : float
         Standard deviations of one reading, each axis.
     station_field_mg : array-like, shape (3,), optional
-        Its strength is the sphere's radius; without it that of a matrix of determinant one.
+        Its strength is the sphere's radius; without it that of a matrix of determinant one. A
+        dip far from the station's is refused: a mirrored sensor, or a force of the wrong sign,
+        fits as well with matrix and dip negated, 180 deg off.
 
     Returns
     -------
@@ -145,7 +149,7 @@ def tilt_aided_batch(
     if force.shape != readings.shape:
         message = f"accel_g must have the shape {readings.shape}; instead received {force.shape}"
         raise ValueError(message)
-    strength = None if station_field_mg is None else float(np.linalg.norm(station_field_mg))
+    station = None if station_field_mg is None else np.asarray(station_field_mg, dtype=float)
     units = readings.reshape(-1, *readings.shape[-2:])
     forces = force.reshape(units.shape)
     blocks = [
@@ -153,7 +157,7 @@ def tilt_aided_batch(
             units[first : first + BLOCK],
             forces[first : first + BLOCK],
             (field_sd_mg, accel_sd_g),
-            strength,
+            station,
         )
         for first in range(0, len(units), BLOCK)
     ]
@@ -213,7 +217,7 @@ def _fitted(
     field_mg: NDArray[np.float64],
     accel_g: NDArray[np.float64],
     noise: tuple[float, float],
-    strength_mg: float | None,
+    station_mg: NDArray[np.float64] | None,
 ) -> TiltAidedFits:
     readings = readings_of(field_mg, accel_g, *noise)
     best = tilt_minimum(readings)
@@ -222,21 +226,22 @@ def _fitted(
     gains = np.linalg.svd(matrix, compute_uv=False)
     proper = (np.linalg.det(matrix) > 0.0) & (gains[:, 0] <= LARGEST_AXIS_RATIO * gains[:, 2])
     proper &= np.isfinite(best.chi2)
-    fits = _in_mg(readings, best, found, proper, strength_mg)
+    fits = _in_mg(readings, best, found, proper, station_mg)
     count = field_mg.shape[1]
     spread = _spread(readings.down)
     forceless = np.linalg.norm(accel_g, axis=-1).min(axis=-1) < SMALLEST_FORCE_G
     relative = fits.residual_rms_mg / fits.field_mg
     conditions = {
         Cause.TOO_FEW: np.full(len(field_mg), count < SMALLEST),
-        Cause.NO_TURN: ~readings.cloud.usable,
+        Cause.NO_TURN: readings.cloud.still,
         Cause.NO_ACCELERATION: forceless,
         Cause.TILT_TOO_SMALL: spread[:, 1] < SMALLEST_TILT,
         Cause.SATURATED: saturated(field_mg).any(axis=-1),
-        Cause.NOT_OBSERVABLE: (spread[:, 2] < SMALLEST_TILT) | (fits.mirror < SMALLEST_MIRROR),
-        Cause.DEGENERATE: ~proper & best.converged,
+        Cause.NOT_OBSERVABLE: fits.mirror < SMALLEST_MIRROR,
+        Cause.DEGENERATE: ~readings.cloud.usable
+        | (best.converged & (~proper | _other_dip(fits, station_mg))),
+        Cause.RESIDUAL_TOO_LARGE: proper & (relative > LARGEST_RESIDUAL),
         Cause.NOT_CONVERGED: ~best.converged,
-        Cause.RESIDUAL_TOO_LARGE: relative > LARGEST_RESIDUAL,
     }
     codes = [np.int8(CAUSES.index(cause)) for cause in conditions]
     cause = np.select(list(conditions.values()), codes, np.int8(0))
@@ -245,6 +250,13 @@ def _fitted(
     cause = np.where((cause == 0) & weak, CAUSES.index(Cause.NOT_OBSERVABLE), cause)
     rank = np.where(spread[:, 1] < SMALLEST_TILT, np.minimum(found.rank, LEVEL_RANK), found.rank)
     return neutral_where_refused(fits, cause.astype(np.int8), rank)
+
+
+def _other_dip(fits: TiltAidedFits, station_mg: NDArray[np.float64] | None) -> NDArray[np.bool_]:
+    if station_mg is None:
+        return np.zeros(fits.dip_deg.shape, dtype=bool)
+    station_deg = np.rad2deg(np.arctan2(station_mg[2], np.hypot(*station_mg[:2])))
+    return np.asarray(np.abs(fits.dip_deg - station_deg) > LARGEST_DIP_DIFFERENCE_DEG)
 
 
 def _spread(down: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -260,7 +272,8 @@ def _mirror(readings: Readings, best: Minimum) -> NDArray[np.float64]:
     negated. Off the plane the vertical field then differs by 2 (g.m)(m.w).
     """
     down, points = readings.down, readings.cloud.points
-    normal = np.linalg.eigh(np.swapaxes(down, 1, 2) @ down)[1][:, :, :1]
+    extents, normals = np.linalg.eigh(np.swapaxes(down, 1, 2) @ down / down.shape[1])
+    normal = normals[:, :, :1]
     matrix = best.parameters[:, :9].reshape(-1, 3, 3)
     inside = (points - best.parameters[:, None, 9:12]) @ np.swapaxes(matrix, 1, 2)
     differs = 2.0 * (down @ normal)[..., 0] * (inside @ normal)[..., 0]
@@ -268,7 +281,8 @@ def _mirror(readings: Readings, best: Minimum) -> NDArray[np.float64]:
     variance = (readings.sd * gain) ** 2 + readings.down_sd**2
     dof = max(2 * points.shape[1] - UNKNOWNS, 1)
     variance = variance * np.maximum(best.chi2 / dof, 1.0)
-    return np.asarray((differs**2).sum(axis=1) / np.maximum(variance, 1e-300))
+    flat = extents[:, 0] < SMALLEST_TILT**2
+    return np.where(flat, 0.0, (differs**2).sum(axis=1) / np.maximum(variance, 1e-300))
 
 
 def _in_mg(
@@ -276,16 +290,16 @@ def _in_mg(
     best: Minimum,
     found: Inverse,
     proper: NDArray[np.bool_],
-    strength_mg: float | None,
+    station_mg: NDArray[np.float64] | None,
 ) -> TiltAidedFits:
     cloud, parameters = readings.cloud, best.parameters
     unit = np.where(proper[:, None, None], parameters[:, :9].reshape(-1, 3, 3), np.eye(3))
     sine = np.clip(parameters[:, 12], -LARGEST_SINE, LARGEST_SINE)
     cosine = np.sqrt(1.0 - sine**2)
-    if strength_mg is None:
+    if station_mg is None:
         strength = cloud.scale_mg / np.linalg.det(unit) ** (1.0 / 3.0)
     else:
-        strength = np.full(len(unit), strength_mg)
+        strength = np.full(len(unit), float(np.linalg.norm(station_mg)))
     factor = strength / cloud.scale_mg
     dof = 2 * cloud.points.shape[1] - UNKNOWNS
     chi2 = best.chi2 / max(dof, 1)

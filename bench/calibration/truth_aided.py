@@ -24,7 +24,7 @@ from bench.calibration.prediction import (
     model_jacobian,
     predicted_heading_deg,
 )
-from bench.calibration.saturation import saturated_axis
+from bench.calibration.saturation import STOPPED, saturated_axis
 from bench.calibration.truth_model import RigPoses, observed, rig_poses
 from bench.calibration.truth_solver import DOWN, Sensor, Solution, solved, started
 
@@ -97,7 +97,7 @@ def fit_truth_aided(data: CalibrationData) -> Fit:
         return _unobservable(data, rank, needed, condition)
     held = saturated_axis(data.field_mg)
     if held is not None:
-        message = f"axis {held} stops at one value: the sensor is saturated; degauss the module"
+        message = f"axis {held} {STOPPED}"
         return refusal(METHOD, Cause.SATURATED, message, data, rank=rank, condition=condition)
     start = started(
         poses,

@@ -14,7 +14,8 @@ cos l) and holds at every azimuth,
 
 so that all samples together give l = atan2(sum w n d, sum w d d). The size of d is the sine of the
 tilt times the sine of psi's distance from the blind azimuth, where tan psi = tan ph / sin th: pure
-pitch says nothing at 0 and 180 deg, pure roll nothing at 90 and 270.
+pitch says nothing at 0 and 180 deg, pure roll nothing at 90 and 270. An azimuth error e makes an
+error of the dip of e cos(l)^2 cos th cos ph / d.
 
 References
 ----------
@@ -110,29 +111,6 @@ def estimated_z_mg(
     return np.asarray((down_mg + level) / (np.cos(pitch_rad) * np.cos(roll_rad)))
 
 
-def blindness(
-    azimuth_deg: ArrayLike, pitch_deg: ArrayLike, roll_deg: ArrayLike
-) -> NDArray[np.float64]:
-    """Return the size of d, broadcast: how much of the dip an attitude shows, 0 where blind.
-
-    At most the sine of the tilt; an azimuth error e makes an error of the dip of
-    e cos(dip)^2 cos(pitch) cos(roll) / d.
-
-    Parameters
-    ----------
-    azimuth_deg, pitch_deg, roll_deg : array-like
-        Magnetic azimuth and attitude.
-
-    Examples
-    --------
-    >>> blindness([0.0, 90.0], 30.0, 0.0).round(3).tolist()
-    [0.0, 0.5]
-    """
-    angles = (np.deg2rad(np.asarray(a, float)) for a in (azimuth_deg, pitch_deg, roll_deg))
-    psi, th, ph = angles
-    return np.asarray(np.abs(np.sin(th) * np.cos(ph) * np.sin(psi) - np.sin(ph) * np.cos(psi)))
-
-
 def extended_dip_batch(
     x: ArrayLike,
     y: ArrayLike,
@@ -169,6 +147,11 @@ def extended_dip_batch(
     ExtendedDip
         Refused with TOO_FEW, TILT_TOO_SMALL (no row tilted by 5 deg) or BLIND_AZIMUTH.
 
+    Raises
+    ------
+    ValueError
+        If a value is not finite.
+
     Examples
     --------
     >>> psi = np.deg2rad(45.0)  # pitch 30 deg at an azimuth of 45 deg, dip 60 deg
@@ -181,6 +164,9 @@ def extended_dip_batch(
         *(np.asarray(value, dtype=float) for value in (x, y)),
         *(np.deg2rad(np.asarray(a, float)) for a in (pitch_deg, roll_deg, azimuth_deg)),
     )
+    if not all(np.isfinite(values).all() for values in (X, Y, th, ph, psi)):
+        message = "readings and angles must be finite; instead received a value that is not"
+        raise ValueError(message)
     d, n = _identity(X, Y, th, ph, psi)
     tilt = np.sqrt(np.maximum(1.0 - (np.cos(th) * np.cos(ph)) ** 2, 0.0))
     used = tilt >= np.sin(np.deg2rad(SMALLEST_TILT_DEG))

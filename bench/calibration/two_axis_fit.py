@@ -33,8 +33,9 @@ from bench.calibration.affine_turn import PARAMETERS as AFFINE
 from bench.calibration.affine_turn import affine_slopes, affine_turn_batch
 from bench.calibration.coverage import sphere_coverage
 from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
-from bench.calibration.level_kernel import saturated_units
+from bench.calibration.level_kernel import LARGEST_MG, saturated_units
 from bench.calibration.level_turn import (
+    amplitude_slopes,
     level_rows,
     refused_fit,
     refused_rows,
@@ -60,6 +61,8 @@ if TYPE_CHECKING:
 
 PAPER: Final = "two_axis"
 AIDED: Final = "two_axis_aided"
+LEVEL_BY_RIG_DEG: Final = 1.0
+"""Rows that the rig tilts by more are no part of the turn, nor of the dip below 5 deg."""
 LARGEST_RESIDUAL: Final = 0.2
 """RMS of the dip's residual, as a part of the horizontal field, in one undisturbed field."""
 
@@ -149,7 +152,7 @@ def two_axis_batch(
         Of one reading an axis, and of each angle.
     """
     turn, slopes = _normalised(turn_mg, turn_azimuth_deg, horizontal_mg, field_sd_mg, rig_sd_deg)
-    raw_mg = np.asarray(tilted_mg, dtype=float)
+    raw_mg = np.clip(np.asarray(tilted_mg, dtype=float), -LARGEST_MG, LARGEST_MG)
     unit = turn.corrected_mg(raw_mg) / turn.horizontal_mg[..., None, None]
     dip = extended_dip_batch(
         unit[..., 0],
@@ -176,7 +179,7 @@ def _normalised(
     """Return offset and matrix of the turn, and the matrix's derivative by their parameters."""
     if azimuth_deg is None:
         extremes = min_max_batch(turn_mg, field_sd_mg, horizontal_mg=horizontal_mg)
-        return extremes, _extreme_slopes(extremes.matrix, extremes.amplitude_mg)
+        return extremes, amplitude_slopes(extremes.matrix, extremes.amplitude_mg)
     turn = affine_turn_batch(
         turn_mg,
         azimuth_deg,
@@ -185,16 +188,6 @@ def _normalised(
         azimuth_sd_deg=azimuth_sd_deg,
     )
     return turn, affine_slopes(turn.matrix)
-
-
-def _extreme_slopes(
-    matrix: NDArray[np.float64], amplitude_mg: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    slopes = np.zeros((*matrix.shape[:-2], 4, 2, 2))
-    for axis in range(2):
-        swing_mg = np.maximum(amplitude_mg[..., axis], 1e-9)
-        slopes[..., 2 + axis, axis, axis] = -matrix[..., axis, axis] / swing_mg
-    return slopes
 
 
 def _covariance(
@@ -229,7 +222,8 @@ def _fit(method: str, data: CalibrationData) -> Fit:
             "the extended dip angle needs pitch and roll or the specific force of each reading"
         )
         return refusal(method, Cause.NO_TRUTH, message, data)
-    level = level_rows(data)
+    by_rig = data.pitch_deg is not None and data.roll_deg is not None
+    level = level_rows(data, LEVEL_BY_RIG_DEG) if by_rig else level_rows(data)
     refused = refused_rows(method, data, level, SMALLEST)
     if refused is not None:
         return refused
@@ -237,7 +231,7 @@ def _fit(method: str, data: CalibrationData) -> Fit:
         message = "x or y stops at one value when tilted: the sensor is saturated; degauss it"
         return refusal(method, Cause.SATURATED, message, data)
     pitch_deg, roll_deg = attitude
-    magnetic_deg = data.azimuth_deg - _field_azimuth_deg(data)
+    magnetic_deg = data.azimuth_deg - data.field_azimuth_deg
     fits = two_axis_batch(
         data.field_mg[level, :2],
         magnetic_deg[level] if method == AIDED else None,
@@ -272,11 +266,6 @@ def _attitude_deg(
     if data.pitch_deg is not None and data.roll_deg is not None:
         return data.pitch_deg, data.roll_deg
     return None if data.accel_g is None else two_axis_attitude_deg(data.accel_g)
-
-
-def _field_azimuth_deg(data: CalibrationData) -> float:
-    station = data.station_field_mg
-    return 0.0 if station is None else float(np.rad2deg(np.arctan2(station[1], station[0])))
 
 
 def _refused_dip(method: str, data: CalibrationData, dip: ExtendedDip) -> Fit | None:

@@ -22,7 +22,7 @@ from bench.run_files import load_run_files
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from bench.calibration.coverage import Prediction
+    from bench.calibration.planned_poses import Prediction
     from bench.plan import Plan
 
 

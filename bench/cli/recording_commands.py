@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 _LISTS: Final = {"columns": None, "accel_columns": None, "field": 3, "accel": 3, "quaternion": 4}
 """Options that list columns, with the number that they need."""
+_ACHIEVED: Final = ("level rms, max (deg)", "tilted rms, max (deg)", "tilt from")
+_TOLD: Final = ("coverage", "predicted rms (deg)")
+"""Columns of a recording with headings, and of one without."""
 
 
 def import_recording(
@@ -136,21 +139,17 @@ def _data(recording: Recording, declination_deg: float) -> CalibrationData:
 def _print_fits(results: list[dict[str, Any]], report: dict[str, Any]) -> None:
     console = Console(highlight=False)
     console.width = max(console.width, 130)
-    table = Table(
-        "method", "samples", "residual (mG)", "level rms, max (deg)", "tilted rms, max (deg)",
-        "tilt from", "remark",
-    )  # fmt: skip
-    if "raw" in report:
+    judged = "raw" in report
+    table = Table("method", "samples", "residual (mG)", *(_ACHIEVED if judged else _TOLD), "remark")
+    if judged:
         table.add_row("raw", "", "", *_errors(report["raw"]), "raw", "no coefficients")
     for result in results:
         refused = result["cause"] is not None
-        achieved = (result.get("orders") or {}).get(result["order"])
         table.add_row(
             result["method"],
             str(result["samples"]),
             _text(result["residual_rms"]),
-            *_errors(achieved),
-            result["tilt_from"] or "",
+            *(_achieved(result) if judged else _told(result)),
             f"refused: {result['message']}" if refused else _order_text(result["order"]),
         )
     console.print(table)
@@ -164,6 +163,14 @@ def _print_coefficients(console: Console, result: dict[str, Any]) -> None:
     console.print(f"matrix       {np.round(result['matrix'], 6).tolist()}")
     if result["extended_dip_deg"] is not None:
         console.print(f"extended dip {result['extended_dip_deg']:.3f} deg")
+
+
+def _achieved(result: dict[str, Any]) -> tuple[str, ...]:
+    return *_errors(result["orders"].get(result["order"])), result["tilt_from"] or ""
+
+
+def _told(result: dict[str, Any]) -> tuple[str, ...]:
+    return _text(result["coverage"]), _text(result["predicted_heading_rms_deg"])
 
 
 def _order_text(order: str) -> str:

@@ -157,11 +157,11 @@ def reproduce_motions(open_laboratory: OpenLaboratory) -> Reproduction:
         caption=(
             "One unit at Table 1's limits with hard iron of (60, -45, 35) mG and soft iron of up "
             "to 6 %, dip 60 deg, calibrated by each motion and judged at 12 level and 32 tilted "
-            "poses (20 deg) that no fit used. Dots: RMS; lines reach to the largest error. A level "
-            "circle is as good as 24 orientations while level and leaves "
-            f"{circle.tilt_rms_deg:.1f} deg with tilt, where these leave "
-            f"{whole.tilt_rms_deg:.2f}: as the paper says of a compass that samples the "
-            "horizontal components only."
+            "poses (20 deg) that no fit used. Dots: RMS; lines reach to the largest error. The "
+            f"ellipse of a level circle leaves {circle.level_rms_deg:.2f} deg while level, where "
+            f"24 orientations leave {whole.level_rms_deg:.2f}, but {circle.tilt_rms_deg:.1f} deg "
+            f"with tilt, where these leave {whole.tilt_rms_deg:.2f}: as the paper says of a "
+            "compass that samples the horizontal components only."
         ),
         draw=lambda: _draw(achieved),
     )

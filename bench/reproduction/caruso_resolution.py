@@ -102,6 +102,7 @@ def _staircase(open_laboratory: OpenLaboratory, bits: int) -> Staircase:
 
 def _numbers(ratio: float, stairs: Staircase) -> list[Published]:
     resolved_mg = HORIZONTAL_MG / ratio
+    exact_mg = HORIZONTAL_MG * float(np.tan(np.deg2rad(REQUIRED_DEG)))
     listened = f"{DWELL_S:.0f} s of pairs with {1000.0 * DITHER_MG:.0f} uG of dither each side"
     numbers = [
         Published(
@@ -115,10 +116,11 @@ def _numbers(ratio: float, stairs: Staircase) -> list[Published]:
         )
     ]
     for quantity, published, span_mg in (
-        ("bits needed over 200 mG ('9+')", 9.163, HORIZONTAL_MG),
-        ("bits needed over +-200 mG ('10+')", 10.163, 2.0 * HORIZONTAL_MG),
+        ("bits needed over 200 mG", 9.0, HORIZONTAL_MG),
+        ("bits needed over +-200 mG", 10.0, 2.0 * HORIZONTAL_MG),
         ("bits needed over +-800 mG", 12.163, SPAN_MG),
     ):
+        whole = published.is_integer()
         numbers.append(
             Published(
                 where="(4)",
@@ -128,7 +130,8 @@ def _numbers(ratio: float, stairs: Staircase) -> list[Published]:
                 ours=float(np.log2(span_mg / resolved_mg)),
                 tolerance=0.004,
                 reason="0.25 % of the field change of 0.1 deg",
-                note="" if span_mg == SPAN_MG else "printed as '+', the same ratio",
+                exact=float(np.log2(span_mg / exact_mg)) if whole else None,
+                note=f"printed as '{published:.0f}+'" if whole else "",
             )
         )
     return [*numbers, *_converter_numbers(stairs)]

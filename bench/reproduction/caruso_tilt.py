@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -26,7 +27,7 @@ from bench.reproduction.figures import (
     heading_axis,
     panels,
 )
-from bench.reproduction.result import PaperFigure
+from bench.reproduction.result import PaperFigure, Published
 from bench.reproduction.setup import Setup
 from bench.reproduction.turns import error_deg, largest, turn
 from protocols.angles import wrap_180_deg
@@ -36,10 +37,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from bench.reproduction.laboratory import Laboratory, OpenLaboratory
-    from bench.reproduction.result import Published, Reproduction
+    from bench.reproduction.result import Reproduction
 
 DIP_DEG: Final = 40.0
 PITCHES_DEG: Final = (5.0, 10.0, 20.0, 30.0)
+HEADINGS: Final = 36
 BOTH_TILTS_DEG: Final = (30.0, -25.0)
 """Pitch and roll at which (2) is tried as printed."""
 
@@ -73,18 +75,19 @@ def reproduce_tilt(open_laboratory: OpenLaboratory) -> Reproduction:
         name="caruso-fig-4",
         title="Fig. 4: heading error due to pitch, dip 40 deg",
         caption=(
-            "Dots: 18 headings at each pitch, read over CAN. Left: heading of the x and y "
+            f"Dots: {HEADINGS} headings at each pitch, read over CAN. Left: heading of the x and y "
             "readings as if level. Right: the same readings levelled with the pitch that the "
             "accelerometer gives, on a scale a thousand times finer. Lines: exact. The paper "
             "does not print its pitch angles."
         ),
         draw=lambda: _draw(pitched),
     )
-    return section(_numbers(level, tilted), [figure], remarks)
+    numbers = [*_fig_4_numbers(pitched), *_numbers(level, tilted)]
+    return section(numbers, [figure], remarks)
 
 
 def _pitched(laboratory: Laboratory, pitch_deg: float) -> Pitched:
-    readings = laboratory.measure(turn(18, pitch_deg))
+    readings = laboratory.measure(turn(HEADINGS, pitch_deg))
     raw, compensated = (
         Swing(
             azimuth_deg=readings["rig_azimuth_deg"],
@@ -95,6 +98,26 @@ def _pitched(laboratory: Laboratory, pitch_deg: float) -> Pitched:
         for accel_g in (None, readings["accel_g"])
     )
     return Pitched(raw=raw, compensated=compensated)
+
+
+def _fig_4_numbers(pitched: dict[float, Pitched]) -> list[Published]:
+    return [
+        Published(
+            where="Fig. 4",
+            quantity=f"largest of {HEADINGS} heading errors at a pitch of {pitch_deg:.0f} deg, "
+            "uncompensated",
+            unit="deg",
+            published=math.nan,
+            ours=largest(one.raw.error_deg),
+            tolerance=COUNTS[0],
+            reason=COUNTS[1],
+            exact=largest(
+                exact_error_deg(DIP_DEG, (pitch_deg, 0.0), (0.0, 0.0))[:: 180 // HEADINGS]
+            ),
+            note="a figure without pitch angles",
+        )
+        for pitch_deg, one in pitched.items()
+    ]
 
 
 def printed_2_deg(field_mg: NDArray[np.float64]) -> NDArray[np.float64]:

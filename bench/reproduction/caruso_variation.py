@@ -67,12 +67,13 @@ def _pole_number() -> Published:
     latitude_deg, _ = geomagnetic_pole_deg(EPOCH)
     return Published(
         where=WHERE,
-        quantity="angle between the geomagnetic and the geographic pole",
+        quantity="angle between the geomagnetic and the geographic pole, in 2025",
         unit="deg",
         published=11.5,
         ours=90.0 - latitude_deg,
         tolerance=0.06,
         reason="the pole of 2025 is published to 0.1 deg",
         exact=9.2,
-        note="from the World Magnetic Model's dipole; it was 11.5 in the 1960s and 10.5 in 2000",
+        note="from the coefficients of the World Magnetic Model, not from the bench; the angle "
+        "was 11.5 in the 1960s and 10.5 in 2000, the paper's year",
     )

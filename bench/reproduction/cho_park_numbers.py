@@ -16,6 +16,8 @@ from bench.reproduction.cho_park_table import (
     SITE_DIP_DEG,
     SWEEPS,
     TWO_AXES,
+    predicted_spread,
+    rows_of_twists_deg,
 )
 from bench.reproduction.cho_park_turn import SEOUL_DIP_DEG
 from bench.reproduction.result import Published
@@ -146,7 +148,23 @@ def _statistic_numbers(found: Experiments, spread: Spread) -> list[Published]:
             "themselves give 1.10",
         ),
         _worst_number(rows_deg, spread),
+        _twist_number(found),
     ]
+
+
+def _twist_number(found: Experiments) -> Published:
+    noise_deg = predicted_spread(hand_sd_deg=0.0).adopted_deg
+    return Published(
+        where="Table 1",
+        quantity="largest difference of a row from what its azimuth error alone makes of it",
+        unit="deg",
+        published=NOT_PRINTED,
+        exact=0.0,
+        ours=_largest(found.adopted_deg - rows_of_twists_deg(found.twist_deg)),
+        tolerance=3.0 * float(noise_deg.std(axis=0).max()),
+        reason="3 sd of repeats with the azimuths right",
+        note="the azimuths' errors were drawn, so the bench knows them; the estimates do not",
+    )
 
 
 def _worst_number(rows_deg: NDArray[np.float64], spread: Spread) -> Published:
@@ -161,13 +179,12 @@ def _worst_number(rows_deg: NDArray[np.float64], spread: Spread) -> Published:
         quantity="largest error of a row, said to be less than 1 degree",
         unit="deg",
         published=1.0,
-        exact=theirs_deg,
+        exact=float(middle_deg),
         ours=float(_worst_deg(rows_deg)),
-        tolerance=float(max(high_deg - theirs_deg, theirs_deg - low_deg)),
-        reason=f"95 % of repeats lie between {low_deg:.1f} and {high_deg:.1f} deg, half of "
-        f"them beyond {middle_deg:.1f}",
-        note=f"{theirs} of the paper's own 6 rows exceed it, and {ours} of ours; the exact value "
-        "is that of its row (e)",
+        tolerance=float(min(high_deg - middle_deg, middle_deg - low_deg)),
+        reason=f"95 % of repeats lie between {low_deg:.1f} and {high_deg:.1f} deg: to the nearer",
+        note=f"{theirs} of the paper's own 6 rows exceed it, (e) by most: {theirs_deg:.2f}, and "
+        f"{ours} of ours; exact: median of the repeats",
     )
 
 

@@ -111,7 +111,7 @@ SWEEPS: Final = (
     Sweep(
         key="e",
         azimuth_deg=45.0,
-        legs=((-48.0, 0.0), (0.0, -48.0)),
+        legs=((-48.0, 0.0), (0.0, 48.0)),
         published_deg=47.24,
         condition="pitch, then roll",
     ),
@@ -252,7 +252,20 @@ class Spread:
     fitted_deg: NDArray[np.float64]
 
 
-def predicted_spread(sweeps: Sequence[Sweep] = SWEEPS) -> Spread:
+def rows_of_twists_deg(twists: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return six rows by the paper's rule that azimuth errors, shape (6,), make without noise."""
+    rows = []
+    for sweep, twist_deg in zip(SWEEPS, twists, strict=True):
+        azimuth, pitch, roll = _angles_deg(sweep.poses(float(twist_deg)))
+        # Level samples, which (26) turns into anything, are not adopted.
+        x, y, _ = (_FIELD @ ned_from_body(azimuth, pitch, roll)).T
+        rows.append(float(estimates_deg(x, y, pitch, roll, sweep.azimuth_deg)[1]))
+    return np.array(rows)
+
+
+def predicted_spread(
+    sweeps: Sequence[Sweep] = SWEEPS, *, hand_sd_deg: float = HAND_SD_DEG
+) -> Spread:
     """Return what the stated noise makes of each row, from repeats without the bus.
 
     Exact fields of the site, the noise of `TWO_AXES` and of the hand, the same estimators.
@@ -265,7 +278,7 @@ def predicted_spread(sweeps: Sequence[Sweep] = SWEEPS) -> Spread:
     adopted, fitted = [], []
     for sweep in sweeps:
         poses = sweep.poses()
-        field = _horizontal_of(poses, rng.normal(0.0, HAND_SD_DEG, (REPEATS, 1))) * HORIZONTAL_MG
+        field = _horizontal_of(poses, rng.normal(0.0, hand_sd_deg, (REPEATS, 1))) * HORIZONTAL_MG
         field += rng.normal(0.0, READING_SD_MG, field.shape)
         unit = (field - (high + low)[:, None] / 2.0) / ((high - low)[:, None] / 2.0)
         force_g = _force_g(poses)

@@ -7,14 +7,17 @@ Everything here is called from the `draw` of a `PaperFigure`, which runs inside
 from __future__ import annotations
 
 import io
+import os
 import re
 from contextlib import contextmanager
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from types import ModuleType
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -82,12 +85,21 @@ _NUMBER: Final = re.compile(r"-?\d+\.\d{3,}")
 @contextmanager
 def drawing_style() -> Iterator[None]:
     """Draw and save in the style of the page; the caller's settings come back at the end."""
-    import matplotlib as mpl
-
+    mpl = _matplotlib()
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(_STYLE)
         yield
+
+
+def _matplotlib() -> ModuleType:
+    """Import matplotlib, which refuses to be imported where MPLBACKEND names no backend."""
+    backend = os.environ.pop("MPLBACKEND", None)
+    try:
+        return import_module("matplotlib")
+    finally:
+        if backend is not None:
+            os.environ["MPLBACKEND"] = backend
 
 
 def panels(

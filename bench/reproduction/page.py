@@ -24,13 +24,14 @@ DIGITS: Final = 9
 _HEAD: Final = """\
 # The four papers, reproduced
 
-Every number and figure on this page was measured on the virtual bench: the rig turned, the
-module sent its readings over CAN, and the product's own calibration worked on them.
+Our numbers and the dots in the figures were measured on the virtual bench: the rig turned, the
+module sent its readings over CAN, and the product's own calibration worked on them. Exact values,
+exact lines, the dips of (25) and the geomagnetic pole are computed.
 `make papers` writes the page anew, with the same bytes; `make test` holds every number.
 
 A number holds where ours differs from the published one by no more than the tolerance. Where
-the paper itself is off, the exact value stands beside the published one and ours is held
-against it. All numbers for programs: [results.json](results.json).
+the paper itself is off, or prints a limit or nothing (–), the exact value stands beside it and
+ours is held against that. All numbers for programs: [results.json](results.json).
 """
 
 

@@ -76,7 +76,7 @@ def test_linear_series_invents_a_second_harmonic_from_hard_iron(
 
 
 def test_half_sum_keeps_the_product_of_the_hard_iron_however_many_headings() -> None:
-    field = body(0.0, 0.0) + [100.0, 80.0, 0.0]
+    field = body(0.0, 0.0)[::15] + [100.0, 80.0, 0.0]  # 24 headings
     across = field[:, [1, 0, 0]] / 8000.0
     set_mg, reset_mg = field / (1.0 + across), -field / (1.0 - across)
     plain = ((set_mg + reset_mg) / 2.0).mean(axis=0)

@@ -16,6 +16,7 @@ import pytest
 from bench.calibration.fit import CalibrationData
 from bench.calibration.methods import fit_named
 from bench.calibration.soft_iron import forty_five_soft_iron
+from bench.reproduction.caruso_acceleration import RATE_ONE_BANK_DEG
 from bench.reproduction.caruso_budget import LIMIT_MG, across_deg, root_sum_square
 from bench.reproduction.caruso_iron import ellipse
 from bench.reproduction.caruso_table_1 import expected_swing_deg
@@ -23,6 +24,7 @@ from bench.reproduction.caruso_temperature import SHARE_DEG
 from protocols.angles import wrap_180_deg
 
 HEADINGS = np.arange(0.0, 360.0, 1.0)
+AT_DIP_60 = np.array([1.0, 0.0, 3.0**0.5])
 
 
 def turned(axis_deg: float) -> np.ndarray:
@@ -98,3 +100,29 @@ def test_forty_five_deg_is_right_for_axes_at_45_and_leaves_6_9_of_8_2_at_20() ->
         assert worst_deg(plane) == pytest.approx(left_deg, abs=0.05)
         fit = fit_named("soft_iron", CalibrationData(field_mg=field_mg, azimuth_deg=HEADINGS))
         assert worst_deg(fit.corrected_mg(field_mg)) < 1e-6
+
+
+def in_a_turn_deg(azimuth_deg: np.ndarray, bank_deg: float) -> np.ndarray:
+    """Heading of a banked compass whose accelerometer, in a coordinated turn, reads level."""
+    roll = np.deg2rad(bank_deg)
+    x, right = np.cos(np.deg2rad(azimuth_deg)), -np.sin(np.deg2rad(azimuth_deg))
+    y = right * np.cos(roll) + AT_DIP_60[2] * np.sin(roll)
+    return np.rad2deg(np.arctan2(-y, x))
+
+
+def test_a_rate_one_turn_at_100_knots_errs_by_28_deg_at_dip_60() -> None:
+    errors = wrap_180_deg(in_a_turn_deg(HEADINGS, RATE_ONE_BANK_DEG) - HEADINGS)
+    assert np.tan(np.deg2rad(15.36)) == pytest.approx(51.44 * np.deg2rad(3.0) / 9.80665, rel=1e-3)
+    assert pytest.approx(15.36, abs=0.01) == RATE_ONE_BANK_DEG
+    assert np.abs(errors).max() == pytest.approx(28.5, abs=0.05)
+    assert errors[0] < 0.0 < errors[180]  # turning right it lags at north and leads at south
+
+
+@pytest.mark.parametrize(("bank_deg", "goes_round"), [(29.0, True), (31.0, False)])
+def test_banked_beyond_90_less_the_dip_it_goes_backwards_about_east(
+    bank_deg: float, goes_round: bool
+) -> None:
+    before, after = in_a_turn_deg(np.array([89.0, 91.0]), bank_deg)
+    assert (wrap_180_deg(after - before) > 0.0) == goes_round
+    north = in_a_turn_deg(np.array([-1.0, 1.0]), bank_deg)
+    assert north[1] > north[0]

@@ -1,7 +1,7 @@
 """Each paper is reproduced once on the virtual bench, and the page in docs is what comes out.
 
-The first test of a paper waits for all of its experiments: 10 to 25 s of the processor, several
-times as much beside other work, hence the timeout.
+One test a paper, because its experiments take 10 to 25 s of the processor, several times as much
+beside other work: hence the timeout too.
 """
 
 from __future__ import annotations
@@ -22,16 +22,38 @@ if TYPE_CHECKING:
     from bench.reproduction.result import Reproduction
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "papers"
-pytestmark = pytest.mark.timeout(240)
 LARGEST_BYTES = 150_000
-ONE_PROCESS_A_PAPER = [
-    pytest.param(paper, marks=pytest.mark.xdist_group(f"paper_{paper}")) for paper in PAPERS
-]
 
 
-@pytest.fixture(scope="session", params=ONE_PROCESS_A_PAPER)
-def reproduction(request: pytest.FixtureRequest) -> Reproduction:
-    return reproduce(request.param, open_laboratory)
+@pytest.mark.timeout(240)
+@pytest.mark.parametrize("paper", PAPERS)
+def test_a_paper_holds_and_docs_show_what_the_code_gives(paper: str) -> None:
+    """After a change: `make papers`."""
+    reproduction = reproduce(paper, open_laboratory)
+
+    assert reproduction.numbers
+    assert missed(reproduction) == []
+    (ours,) = document_of([reproduction])["papers"]
+    assert_same(ours, published(paper))
+    assert_figures_stand_on_the_page(reproduction)
+
+
+def test_no_figure_is_left_over_in_docs() -> None:
+    document = json.loads((PAGE / "results.json").read_text(encoding="utf-8"))
+    named = {f"{name}.svg" for entry in document["papers"] for name in entry["figures"]}
+
+    assert named == {path.name for path in PAGE.glob("*.svg")}
+    assert [entry["paper"] for entry in document["papers"]] == list(PAPERS)
+
+
+def missed(reproduction: Reproduction) -> list[str]:
+    """Return a sentence for each number that does not hold."""
+    return [
+        f"{number.where}, {number.quantity}: {number.ours:g} for "
+        f"{number.published if number.exact is None else number.exact:g} +- {number.tolerance:g}"
+        for number in reproduction.numbers
+        if not number.holds
+    ]
 
 
 def published(paper: str) -> dict[str, Any]:
@@ -55,26 +77,8 @@ def assert_same(ours: Any, theirs: Any) -> None:
         assert ours == theirs
 
 
-def test_every_number_of_the_paper_holds(reproduction: Reproduction) -> None:
-    missed = [
-        f"{number.where}, {number.quantity}: {number.ours:g} for "
-        f"{number.published if number.exact is None else number.exact:g} +- {number.tolerance:g}"
-        for number in reproduction.numbers
-        if not number.holds
-    ]
-
-    assert reproduction.numbers
-    assert missed == []
-
-
-def test_results_in_docs_are_what_the_code_gives(reproduction: Reproduction) -> None:
-    """After a change: `make papers`."""
-    (ours,) = document_of([reproduction])["papers"]
-
-    assert_same(ours, published(reproduction.paper))
-
-
-def test_every_figure_draws_small_and_stands_on_the_page(reproduction: Reproduction) -> None:
+def assert_figures_stand_on_the_page(reproduction: Reproduction) -> None:
+    """Every figure draws, is small, and lies in docs where page and section show it."""
     page = (PAGE / "README.md").read_text(encoding="utf-8")
     section = markdown_of([reproduction])
     for figure in reproduction.figures:
@@ -86,11 +90,3 @@ def test_every_figure_draws_small_and_stands_on_the_page(reproduction: Reproduct
         assert (PAGE / f"{figure.name}.svg").stat().st_size < LARGEST_BYTES
         assert f"({figure.name}.svg)" in page
         assert f"({figure.name}.svg)" in section
-
-
-def test_no_figure_is_left_over_in_docs() -> None:
-    document = json.loads((PAGE / "results.json").read_text(encoding="utf-8"))
-    named = {f"{name}.svg" for entry in document["papers"] for name in entry["figures"]}
-
-    assert named == {path.name for path in PAGE.glob("*.svg")}
-    assert [entry["paper"] for entry in document["papers"]] == list(PAPERS)

@@ -23,9 +23,11 @@ import pytest
 from bench.calibration.geomagnetic import true_heading_deg
 from bench.calibration.tilt import (
     attitude_deg,
+    caruso_heading_deg,
     heading_deg,
     ned_from_body,
     tilt_compensated_heading_deg,
+    two_axis_attitude_deg,
 )
 from protocols.angles import wrap_180_deg, wrap_360_deg
 
@@ -58,8 +60,20 @@ def caruso_horizontal(
 def test_caruso_1_mirrors_the_heading() -> None:
     field = body(FIELD_NED, 0.0, 0.0)
     printed = np.rad2deg(np.arctan2(field[:, 1], field[:, 0]))
-    assert worst_deg(printed) > 170.0
+    assert worst_deg(printed) == pytest.approx(180.0)
     assert worst_deg(heading_deg(field, 0.0, 0.0)) < 1e-9
+
+
+@pytest.mark.parametrize(("z", "tilts"), [(1.0, 1.0), (-1.0, -1.0)], ids=["z down", "both"])
+def test_caruso_2_with_z_down_or_with_z_and_tilts_negated_errs_by_179_8(
+    z: float, tilts: float
+) -> None:
+    field = body(FIELD_NED, 30.0, 5.0)
+    xh, yh = caruso_horizontal(field * [1.0, 1.0, z], tilts * 30.0, tilts * 5.0)
+    assert worst_deg(np.rad2deg(np.arctan2(-yh, xh))) == pytest.approx(179.8, abs=0.1)
+    x, y, down = field.T
+    ours = caruso_heading_deg(x, y, -down, theta_deg=5.0, phi_deg=30.0)
+    assert worst_deg(ours) < 1e-9
 
 
 def test_caruso_2_is_wrong_with_z_down_and_right_with_z_negated_once() -> None:
@@ -136,9 +150,18 @@ def test_cho_park_17_folds_a_roll_of_100_to_80() -> None:
     assert attitude_deg(force)[1] == pytest.approx(np.full(72, 100.0))
 
 
+def test_cho_park_17_with_gravity_for_specific_force_errs_by_177_deg() -> None:
+    """Pitch 30, roll -25: both come out with the wrong sign."""
+    field, force = body(FIELD_NED, 30.0, -25.0), body(-DOWN, 30.0, -25.0)
+    printed = two_axis_attitude_deg(-force)
+    assert np.allclose(printed, np.array([[-30.0], [25.0]]))
+    assert worst_deg(heading_deg(field, *printed)) == pytest.approx(177.0, abs=0.5)
+    assert worst_deg(heading_deg(field, *two_axis_attitude_deg(force))) < 1e-9
+
+
 def test_gravity_fed_in_for_specific_force_turns_the_heading_round() -> None:
     field, force = body(FIELD_NED, 10.0, -5.0), body(-DOWN, 10.0, -5.0)
-    assert worst_deg(tilt_compensated_heading_deg(field, -force)) > 170.0
+    assert worst_deg(tilt_compensated_heading_deg(field, -force)) == pytest.approx(180.0)
     assert worst_deg(tilt_compensated_heading_deg(field, force)) < 1e-9
 
 

@@ -136,6 +136,12 @@ def test_a_fourth_harmonic_is_told_as_non_linearity() -> None:
     assert "non-linearity" in fitted.words[0]
 
 
+def test_a_fourth_harmonic_at_8_headings_is_not_told_twice_as_large() -> None:
+    headings = EVERY_15[::3]
+    compass = headings - 0.7 * np.cos(np.deg2rad(4.0 * headings))
+    assert exact_deviation(compass, headings).fourth_deg == pytest.approx(0.7, abs=0.01)
+
+
 @pytest.mark.parametrize(
     ("headings", "cause", "words"),
     [
@@ -143,6 +149,8 @@ def test_a_fourth_harmonic_is_told_as_non_linearity() -> None:
         (EVERY_15[:0], Cause.TOO_FEW, "at least 8 headings"),
         (EVERY_15[:12], Cause.NO_TURN, "gap of more than 90 deg"),
         (np.zeros(24), Cause.NO_TURN, "gap of more than 90 deg"),
+        (np.repeat([0.0, 90.0, 180.0, 270.0], 3), Cause.TOO_FEW, "at 5 places"),
+        (np.repeat([0.0, 90.0, 180.0, 270.0], 2) + [0.0, 1e-3] * 4, Cause.TOO_FEW, "at 5 places"),
     ],
 )
 def test_few_headings_or_a_part_of_a_turn_are_refused(

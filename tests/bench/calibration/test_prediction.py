@@ -22,14 +22,12 @@ def test_grid_holds_24_headings_level_and_at_each_of_four_tilts() -> None:
 
 
 def test_one_mg_of_horizontal_field_is_a_milliradian_at_250() -> None:
-    grid = heading_grid(level_only=True)
-    across = np.linalg.norm(grid.field_gradient_deg[:, :2], axis=1)
+    across = np.linalg.norm(heading_grid().field_gradient_deg[:24, :2], axis=1)
     assert across == pytest.approx(np.full(24, np.rad2deg(1 / 250.0)), rel=1e-6)
 
 
 def test_a_tilt_error_turns_the_heading_by_tan_dip() -> None:
-    grid = heading_grid(level_only=True)
-    by_tilt = np.linalg.norm(grid.force_gradient_deg[:, :2], axis=1)
+    by_tilt = np.linalg.norm(heading_grid().force_gradient_deg[:24, :2], axis=1)
     assert by_tilt == pytest.approx(np.full(24, np.rad2deg(np.tan(np.deg2rad(60.0)))), rel=1e-6)
 
 
@@ -58,8 +56,8 @@ def test_model_jacobian_is_that_of_a_changed_coefficient() -> None:
 
 
 def test_offset_of_unit_variance_gives_its_error_by_the_horizontal_field() -> None:
-    grid = heading_grid(level_only=True)
-    jacobian = model_jacobian(grid.field_gradient_deg, grid.field_mg, np.eye(3))[:, 9:11]
+    grid = heading_grid()
+    jacobian = model_jacobian(grid.field_gradient_deg, grid.field_mg, np.eye(3))[:24, 9:11]
     rms_deg, max_deg = predicted_heading_deg(jacobian, np.eye(2))
     assert rms_deg == pytest.approx(np.rad2deg(1 / 250.0), rel=1e-6)
     assert max_deg == pytest.approx(2.0 * rms_deg, rel=1e-6)

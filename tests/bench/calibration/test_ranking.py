@@ -32,7 +32,7 @@ ORDERS = [str(order) for order in Order]
 def fitted(drawn: Callable[..., Any]) -> tuple[dict[str, Fit], CalibrationData]:
     truth = drawn(4, soft=0.03)
     clean = drawn(4, soft=0.03, field_sd_mg=0.0, accel_sd_g=0.0, rig_sd_deg=0.0)
-    return {fit.method: fit for fit in fit_all(truth.data)}, clean.data
+    return fit_all(truth.data), clean.data
 
 
 def test_the_study_has_raw_and_every_accepted_method_in_every_order(
@@ -137,11 +137,18 @@ def test_raw_is_far_worse_and_the_ranking_is_by_error(
 
 def test_refused_fits_come_last(drawn: Callable[..., Any]) -> None:
     data = rows_of(drawn(1, soft=0.03).data, np.arange(72) < 48)
-    refused = [entry.fit.refused for entry in rank(fit_all(data), data)]
+    ranked = rank(list(fit_all(data).values()), data)
+    refused = [entry.fit.refused for entry in ranked]
     assert refused == sorted(refused)
-    assert {entry.fit.method for entry in rank(fit_all(data), data) if not entry.fit.refused} >= {
+    assert {entry.fit.method for entry in ranked if not entry.fit.refused} >= {
         "min_max", "soft_iron", "four_position",
     }  # fmt: skip
+
+
+def test_without_truth_a_fit_that_predicts_nothing_stands_before_a_refused_one() -> None:
+    refused, unpredicted = Fit(method="ellipsoid", cause=Cause.TOO_FEW), Fit(method="set_reset")
+    ranked = rank([refused, unpredicted], CalibrationData(field_mg=np.zeros((4, 3))))
+    assert [entry.fit.method for entry in ranked] == ["set_reset", "ellipsoid"]
 
 
 def test_without_truth_the_predicted_error_ranks(

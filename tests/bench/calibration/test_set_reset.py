@@ -103,6 +103,7 @@ def test_a_dead_strap_on_a_steady_axis_is_seen_too() -> None:
 def test_a_weak_reset_is_an_unequal_symmetry() -> None:
     check = check_set_reset(*pairs_mg(reset_gain=0.8))
     assert check.symmetry[:2] == pytest.approx(np.full(2, 1.25), abs=0.02)
+    assert check.bridge_offset_mg == pytest.approx(OFFSETS, abs=1.0)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from bench.calibration.fit import Cause
 from bench.calibration.tilt import ned_from_body
 from bench.calibration.two_axis import (
     CAUSES,
-    blindness,
+    _identity,
     estimated_z_mg,
     extended_dip_batch,
     printed_extended_dip_deg,
@@ -24,6 +26,11 @@ def unit_field(
     """Field in the body over its horizontal part, by the rotation matrix alone."""
     ned = np.array([1.0, 0.0, np.tan(np.deg2rad(dip_deg))])
     return np.einsum("...ji,j->...i", ned_from_body(azimuth_deg, pitch_deg, roll_deg), ned)
+
+
+def size_of_d(azimuth_deg: Any, pitch_deg: float, roll_deg: float) -> np.ndarray:
+    psi, th, ph = (np.deg2rad(angle_deg) for angle_deg in (azimuth_deg, pitch_deg, roll_deg))
+    return np.abs(_identity(0.0, 0.0, th, ph, psi)[0])
 
 
 def drawn_attitudes(count: int, largest_deg: float = 60.0) -> tuple[np.ndarray, ...]:
@@ -50,7 +57,7 @@ def test_the_identity_holds_at_every_attitude() -> None:
     n -= y * np.cos(th) * np.cos(psi)
     dip = np.deg2rad(DIP_DEG)
     assert np.sin(dip) * d == pytest.approx(np.cos(dip) * n, abs=1e-12)
-    assert blindness(azimuth_deg, pitch_deg, roll_deg) == pytest.approx(np.abs(d))
+    assert size_of_d(azimuth_deg, pitch_deg, roll_deg) == pytest.approx(np.abs(d))
 
 
 @pytest.mark.parametrize("dip_deg", [-70.0, 0.0, 48.72, 80.0])
@@ -87,7 +94,7 @@ def test_printed_26_is_far_off_at_a_blind_azimuth_where_ours_refuses() -> None:
 def test_blind_azimuths_are_where_tan_psi_is_tan_roll_over_sin_pitch(
     azimuth_deg: float, pitch_deg: float, roll_deg: float
 ) -> None:
-    assert blindness(azimuth_deg, pitch_deg, roll_deg) < 1e-3
+    assert size_of_d(azimuth_deg, pitch_deg, roll_deg) < 1e-3
     x, y, _ = unit_field(azimuth_deg, pitch_deg, roll_deg)
     found = extended_dip_batch([x] * 4, [y] * 4, pitch_deg, roll_deg, azimuth_deg)
     assert CAUSES[int(found.cause)] is Cause.BLIND_AZIMUTH
@@ -99,7 +106,7 @@ def test_blind_azimuths_are_where_tan_psi_is_tan_roll_over_sin_pitch(
 
 def test_d_is_the_sine_of_the_tilt_times_that_of_the_distance_from_the_blind_azimuth() -> None:
     azimuth_deg = np.arange(0.0, 360.0, 1.0)
-    d = blindness(azimuth_deg, 30.0, 20.0)
+    d = size_of_d(azimuth_deg, 30.0, 20.0)
     tilt = np.arccos(np.cos(np.deg2rad(30.0)) * np.cos(np.deg2rad(20.0)))
     blind = np.arctan2(np.tan(np.deg2rad(20.0)), np.sin(np.deg2rad(30.0)))
     assert d == pytest.approx(np.sin(tilt) * np.abs(np.sin(np.deg2rad(azimuth_deg) - blind)))
@@ -202,3 +209,10 @@ def test_an_azimuth_from_true_north_gives_another_dip() -> None:
         for turned in (9.0, -9.0)
     )
     assert {round(float(west), 1), round(float(east), 1)} == {43.0, 53.3}
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_values_that_are_not_finite_are_refused(bad: float) -> None:
+    for x, azimuth in ((bad, 45.0), (-0.25, bad)):
+        with pytest.raises(ValueError, match="must be finite"):
+            extended_dip_batch([x, -0.25], [-0.7, -0.7], 30.0, 0.0, [azimuth, 45.0])

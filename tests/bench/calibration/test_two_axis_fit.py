@@ -173,6 +173,28 @@ def test_parameters_are_recovered_within_the_covariance(aided: bool) -> None:
         )
 
 
+def test_the_turn_s_noise_is_in_the_uncertainty_of_the_dip() -> None:
+    """Many readings of one tilt after a short turn: the dip is off by what the offset is off."""
+    rng = np.random.default_rng(6)
+    turn_deg, tilt_deg = TURN_DEG[::4], np.tile([[45.0, 30.0, 0.0]], (100, 1))
+
+    def read(angles_deg: np.ndarray) -> np.ndarray:
+        body_mg = np.einsum("nji,j->ni", ned_from_body(*angles_deg.T), field_ned(60.0))[:, :2]
+        return body_mg + rng.normal(0.0, 0.35, (400, *body_mg.shape))
+
+    fits = two_axis_batch(
+        read(turn_deg),
+        turn_deg[:, 0],
+        read(tilt_deg),
+        *tilt_deg.T,
+        horizontal_mg=HORIZONTAL_MG,
+        field_sd_mg=0.35,
+        rig_sd_deg=1e-4,
+    )
+    sd_deg = np.sqrt(fits.covariance[:, -1, -1])
+    assert np.std((fits.dip.dip_deg - 60.0) / sd_deg) == pytest.approx(1.0, abs=0.12)
+
+
 def test_predicted_heading_error_is_the_achieved_one() -> None:
     grid = replace(module_data(), accel_g=None)
     told, achieved = [], []
@@ -217,6 +239,7 @@ NORTH_SOUTH = np.isin(ANGLES_DEG[:, 0], (0.0, 180.0))
             "pitch and roll or the specific force",
         ),
         (rows(LEVEL), Cause.TILT_TOO_SMALL, "received 0"),
+        (module_data(ANGLES_DEG * [1.0, 0.13, 0.13]), Cause.TILT_TOO_SMALL, "received 0"),
         (rows(LEVEL | (PITCHED & NORTH_SOUTH)), Cause.BLIND_AZIMUTH, "does not show the dip"),
         (rows(~LEVEL), Cause.TOO_FEW, "level turn needs at least"),
         (rows(~LEVEL | (ANGLES_DEG[:, 0] < 180.0)), Cause.NO_TURN, "turn through all headings"),
@@ -226,7 +249,16 @@ NORTH_SOUTH = np.isin(ANGLES_DEG[:, 0], (0.0, 180.0))
             "off any dip",
         ),
     ],
-    ids=["azimuth", "tilt unknown", "level only", "blind", "no level rows", "half a turn", "signs"],
+    ids=[
+        "azimuth",
+        "tilt unknown",
+        "level only",
+        "3.9 deg",
+        "blind",
+        "no level rows",
+        "half a turn",
+        "signs",
+    ],
 )
 def test_what_cannot_be_seen_is_refused_with_its_cause(
     method: str, data: CalibrationData, cause: Cause, words: str

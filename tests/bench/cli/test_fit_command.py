@@ -93,3 +93,16 @@ def test_headings_without_attitude_leave_the_tilt_to_the_force(
     assert ranking["accelerometer"]["cause"] == "no_truth"
     assert ranking["min_max"]["tilt_from"] == "raw"
     assert ranking["two_axis_aided"]["extended_dip_deg"] == pytest.approx(60.0, abs=1.5)
+
+
+def test_without_headings_the_table_shows_what_ranks_the_methods(
+    recording: Path, tmp_path: Path
+) -> None:
+    rows = np.loadtxt(recording, delimiter=",", skiprows=1)
+    path = tmp_path / "bare.csv"
+    np.savetxt(path, rows[:, :3], delimiter=",", header="mx,my,mz", comments="")
+    _, output = invoke(str(path))
+    lines = [line.split("│")[1:-1] for line in output.splitlines() if line.startswith("│")]
+    told = {line[0].strip(): line[4].strip() for line in lines if line[4].strip()}
+    assert set(told) == {"ellipsoid"}
+    assert 0.0 < float(told["ellipsoid"]) < 1.0

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from bench.calibration.coverage import perfect_data
 from bench.calibration.methods import METHODS, fit_named
+from bench.calibration.planned_poses import perfect_data
 from bench.errors import ConfigError
 from bench.plan import (
     LEVEL_ONLY,
