@@ -162,10 +162,13 @@ def calibration_attitudes(procedure: Procedure) -> list[Attitude]:
     ]
 
 
-def predictions(procedure: Procedure, station: Station) -> list[Prediction]:
+def predictions(
+    procedure: Procedure, station: Station, *, judged_only: bool = False
+) -> list[Prediction]:
     """Return what each method of the procedure can observe on its poses, and how well.
 
-    Nothing is returned for a procedure without calibration poses or fits.
+    Nothing is returned for a procedure without calibration poses or fits; with `judged_only`,
+    only the methods that a fit judges.
     """
     import numpy as np
 
@@ -183,7 +186,10 @@ def predictions(procedure: Procedure, station: Station) -> list[Prediction]:
         station_field_mg=field_rig_mg(station),
     )
     methods = dict.fromkeys(
-        name for step in procedure.walk() if isinstance(step, FitMethods) for name in step.methods
+        name
+        for step in procedure.walk()
+        if isinstance(step, FitMethods)
+        for name in (step.judged if judged_only else step.methods)
     )
     return [predict(attitudes, name, like) for name in methods]
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from bench.acceptance.outcome import Outcome
-from bench.acceptance.run_samples import RunSamples
 from bench.acceptance.verdict import Verdict, judge_measurement, verdict_of
 from bench.errors import ConfigError
 from bench.record.document import read_record
 from bench.record.entries import limits_of, measurement_of
+from bench.run_samples import RunSamples
 from bench.steps.fit import FitMethods
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ refused share, and the time a unit. A cell is regular where the poses determine 
 and the bound is at most 1 deg RMS and 2 deg at the worst attitude.
 
 Exits 1 where a regular cell leaves 0.95 to 1.05, two standard errors included, or its intervals
-hold less than 93 % or more than 97 %, or it refuses.
+hold less than 93 % or more than 97 %, or it refuses more than 1 in 1000.
 Times are of the processor.
 """
 
@@ -50,6 +50,7 @@ COUNTS: Final = (12, 36)
 NOISES: Final = (0.001, 0.01)
 RATIO: Final = (0.95, 1.05)
 HOLDS: Final = (0.93, 0.97)
+LARGEST_REFUSED: Final = 0.001
 LARGEST_RMS_DEG: Final = 1.0
 LARGEST_WORST_DEG: Final = 2.0
 ESTIMATORS: Final[tuple[Estimator, ...]] = ("ellipsoid", "tilt_aided", "truth_aided")
@@ -256,7 +257,7 @@ def judged(bound: HeadingBound, errors: Errors) -> tuple[str, bool]:
         ratio - spread >= RATIO[0]
         and ratio + spread <= RATIO[1]
         and HOLDS[0] <= farthest <= HOLDS[1]
-        and errors.refused == 0.0
+        and errors.refused <= LARGEST_REFUSED
     )
     line += f"{ratio:7.3f} {spread:6.3f} {100.0 * shares.mean():6.1f} {100.0 * farthest:6.1f} "
     line += f"{100.0 * errors.refused:7.1f} {micro:6.0f}"
@@ -268,7 +269,7 @@ def judged(bound: HeadingBound, errors: Errors) -> tuple[str, bool]:
 def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--trials", type=int, default=2000)
+    parser.add_argument("--trials", type=int, default=4000)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     unit = drawn_unit(np.random.default_rng(options.seed))
@@ -278,7 +279,7 @@ def main() -> int:
     )
     print(
         f"{'estimator':12} {'tilt':>5} {'poses':>5} {'noise':>6} {'bound':>8} {'worst':>8} "
-        f"{'ratio':>7} {'2 se':>6} {'held':>6} {'least':>6} {'refused':>7} {'us':>6}"
+        f"{'ratio':>7} {'2 se':>6} {'held':>6} {'far':>6} {'refused':>7} {'us':>6}"
     )
     start, failed, seed = time.perf_counter(), 0, options.seed
     for tilt_deg in TILTS_DEG:

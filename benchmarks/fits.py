@@ -30,7 +30,7 @@ from bench.calibration.set_reset import set_reset_batch
 from bench.calibration.soft_iron import soft_iron_batch
 from bench.calibration.three_headings import three_headings_batch
 from bench.calibration.tilt import ned_from_body
-from bench.calibration.two_axis_fit import two_axis_batch
+from bench.calibration.two_axis_batch import two_axis_batch
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -61,6 +61,10 @@ class Converters:
     mag_mg_per_count: float = compass.MAG_MG_PER_COUNT
     accel_g_per_count: float = compass.ACCEL_G_PER_COUNT
     mag_count_limit: int = compass.MAG_COUNT_LIMIT
+
+
+_BEYOND: Final[Any] = {"over": "ignore", "invalid": "ignore"}
+"""Finite coefficients whose products are none leave no heading; the module goes on."""
 
 
 class Cycle(NamedTuple):
@@ -185,7 +189,8 @@ class Firmware:
         whole = store.calibrated and self.two_axis == (store.active.horizontal_mg > 0.0)
         self._quality = compass.QUALITY_CALIBRATED if whole else compass.QUALITY_UNCALIBRATED
         formula = TwoAxisFormula if self.two_axis else HeadingFormula
-        self._solve = formula(store.active, self.converters).solve
+        with np.errstate(**_BEYOND):
+            self._solve = formula(store.active, self.converters).solve
 
     @property
     def flags(self) -> int:
@@ -217,7 +222,10 @@ class Firmware:
         if self._replay is not None and self._replay.flags & compass.FLAG_NO_ACCELERATION:
             force = self._level
         quality = self._quality
-        solution = self._solve((sx - rx, sy - ry, sz - rz), force)
+        with np.errstate(**_BEYOND):
+            solution = self._solve((sx - rx, sy - ry, sz - rz), force)
+        if solution is not None and not all(map(math.isfinite, solution)):
+            solution = None
         if saturated:
             self.trouble_codes.add(uds.DTC_SATURATED)
         if solution is None or saturated:

@@ -116,9 +116,14 @@ DEFAULT_COEFFICIENTS: Final = Coefficients(
 
 
 def pack_coefficients(coefficients: Coefficients) -> bytes:
-    """Return version, 26 float32 and CRC-32 (little-endian)."""
-    body = _BANK.pack(
-        coefficients.version,
+    """Return version, 26 float32 and CRC-32 (little-endian).
+
+    Raises
+    ------
+    FrameError
+        If a value does not fit a float32.
+    """
+    values = (
         *coefficients.mag_offset_mg,
         *coefficients.mag_matrix,
         *coefficients.accel_offset_g,
@@ -126,6 +131,13 @@ def pack_coefficients(coefficients: Coefficients) -> bytes:
         coefficients.extended_dip_deg,
         coefficients.horizontal_mg,
     )
+    try:
+        body = _BANK.pack(coefficients.version, *values)
+    except OverflowError as error:
+        sentence = (
+            f"coefficients must fit single precision; instead received {max(values, key=abs)}"
+        )
+        raise FrameError(sentence) from error
     return body + zlib.crc32(body).to_bytes(4, "little")
 
 

@@ -170,8 +170,8 @@ def _solved(
 
     Its inverse is (I - s t t^T)/sd^2 with s = 1/(sd^2 + t.t), so that no 2 x 2 weight is formed.
     """
-    flat = design.reshape(*design.shape[:-3], -1, 6)
-    values = readings.reshape(*readings.shape[:-2], -1, 1)
+    flat = design.reshape(*design.shape[:-3], 2 * readings.shape[-2], 6)
+    values = readings.reshape(*readings.shape[:-2], 2 * readings.shape[-2], 1)
     moved = (design * tangent[..., None]).sum(axis=-2)
     pulled = (readings * tangent).sum(axis=-1)[..., None]
     shared = np.swapaxes(moved * _share(tangent, field_sd_mg)[..., None], -1, -2)

@@ -48,7 +48,7 @@ BLOCK: Final = 512
 DIRECTIONS: Final = 400
 DOUBTFUL_DEG: Final = 0.75
 """Predicted RMS above which it is asked how far the prediction itself can be trusted."""
-PESSIMISM: Final = 4.0
+PESSIMISM: Final = 5.0
 """Standard deviations by which the estimate may be off in that question."""
 CAUSES: Final[tuple[Cause | None, ...]] = (
     None,
@@ -173,7 +173,7 @@ def _growth(rows: Rows, best: Minimum, units: NDArray[np.intp]) -> NDArray[np.fl
 
     Where the readings are weak the prediction depends on the estimate's own error: it is
     evaluated one standard deviation to either side along the weakest direction, and continued
-    in equal ratios to four.
+    in equal ratios to five.
     """
     normal = best.normal[units]
     scale = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))

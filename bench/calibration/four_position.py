@@ -27,7 +27,6 @@ from bench.calibration.level_kernel import (
     LARGEST_AXIS_RATIO,
     SMALLEST_SWING,
     LevelFits,
-    PrintedFormula,
     accepted_or_neutral,
     circle_of_amplitudes,
     first_cause,
@@ -43,7 +42,7 @@ from bench.calibration.level_turn import (
     refused_rows,
     station_horizontal_mg,
 )
-from protocols.angles import wrap_180_deg
+from protocols.angles import wrap_180_deg, wrap_360_deg
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -166,7 +165,7 @@ def four_position_batch(
     ValueError
         If the shape is another or a value is not finite.
     """
-    readings, beyond = within_range(_four(field_mg))
+    readings, beyond = within_range(four_readings(field_mg))
     first, second, third, fourth = np.moveaxis(readings, -2, 0)
     a, b = (first - third) / 2.0, (second - fourth) / 2.0
     amplitude, alpha = np.hypot(a, b), np.arctan2(a, b)
@@ -200,32 +199,8 @@ def four_position_batch(
     )
 
 
-def printed_four_position(field_mg: ArrayLike) -> PrintedFormula:
-    """Return Skula (5)-(7) as printed, for the study of his Fig. 2 only: not for a compass.
-
-    alpha = arctan((H1 - H3)/(H2 - H4)), A = (H1 - H3)/(2 sin(alpha)), c = (H1 + H3)/2, and each
-    axis is multiplied by the other's A over its own 'or 1, what is bigger'. A takes the sign of
-    H2 - H4: where those of x and y differ, both ratios are negative and the scale is lost.
-
-    Parameters
-    ----------
-    field_mg : array-like, shape (..., 4, 2)
-        x and y at four positions a quarter turn apart.
-
-    Returns
-    -------
-    PrintedFormula
-        NaN where the formula divides 0 by 0: at an alpha of exactly 0 or 180 deg.
-    """
-    first, second, third, fourth = np.moveaxis(_four(field_mg), -2, 0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        alpha = np.arctan((first - third) / (second - fourth))
-        amplitude = (first - third) / (2.0 * np.sin(alpha))
-        scale = np.maximum(amplitude[..., ::-1] / amplitude, 1.0)
-    return PrintedFormula(offset_mg=(first + third) / 2.0, matrix=np.eye(2) * scale[..., None, :])
-
-
-def _four(field_mg: ArrayLike) -> NDArray[np.float64]:
+def four_readings(field_mg: ArrayLike) -> NDArray[np.float64]:
+    """Return x and y at four positions, shape (..., 4, 2); ValueError if they are of another."""
     readings = require_readings(field_mg, POSITIONS)
     if readings.shape[-2] != POSITIONS:
         message = f"field_mg must have the shape (..., 4, 2); instead received {readings.shape}"
@@ -236,13 +211,13 @@ def _four(field_mg: ArrayLike) -> NDArray[np.float64]:
 def _causes(
     readings: NDArray[np.float64],
     amplitude: NDArray[np.float64],
-    open_: NDArray[np.bool_],
+    misclosed: NDArray[np.bool_],
     skew_deg: NDArray[np.float64],
     field_sd_mg: float,
 ) -> tuple[tuple[Cause, NDArray[np.bool_]], ...]:
     """Return causes and the units, shape (...), where each holds; the first one counts."""
     smallest, largest = amplitude.min(axis=-1), amplitude.max(axis=-1)
-    not_square = np.asarray(open_.any(axis=-1))
+    not_square = np.asarray(misclosed.any(axis=-1))
     return (
         (Cause.NO_TURN, np.asarray(largest < SMALLEST_SWING * field_sd_mg)),
         (Cause.SATURATED, not_square & _held(readings)),
@@ -302,7 +277,7 @@ def _positions(
         off_deg = np.abs(wrap_180_deg(turned_deg - quarter_deg))
         near = np.flatnonzero(off_deg <= SQUARE_DEG)
         if not len(near):
-            nearest_deg = turned_deg[np.argmin(off_deg)] % 360.0
+            nearest_deg = float(wrap_360_deg(turned_deg[np.argmin(off_deg)]))
             return None, f"{nearest_deg:.1f} deg from the first as nearest to {quarter_deg:.0f}"
         chosen.append(level[near[0]])
     return np.array(chosen), ""

@@ -25,12 +25,9 @@ from protocols.angles import wrap_360_deg
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-MODEL: Final = "WMM2025"
 EPOCH: Final = 2025.0
 LAST: Final = 2030.0
 MG_PER_NT: Final = 0.01
-WEAK_HORIZONTAL_MG: Final = 60.0
-"""Horizontal field of the model's caution zone (6000 nT)."""
 _COEFFICIENTS: Final = "wmm/WMM_2025.COF"
 
 
@@ -38,22 +35,14 @@ _COEFFICIENTS: Final = "wmm/WMM_2025.COF"
 class GeomagneticField:
     """Field of the model at one place and date; `_sd` are the model's standard deviations."""
 
-    model: str
     year: float
     declination_deg: float
     declination_sd_deg: float
     dip_deg: float
     dip_sd_deg: float
     horizontal_mg: float
-    horizontal_sd_mg: float
     total_mg: float
-    total_sd_mg: float
     ned_mg: tuple[float, float, float]
-
-    @property
-    def weak(self) -> bool:
-        """Whether the horizontal field is too weak for a compass to be trusted."""
-        return self.horizontal_mg < WEAK_HORIZONTAL_MG
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,16 +58,12 @@ class DipComparison:
     model_deg : float
         World Magnetic Model.
     geomagnetic_latitude_deg : float
-    pole_latitude_deg, pole_longitude_deg : float
-        Geomagnetic north pole of the model's dipole.
     """
 
     geographic_deg: float
     geomagnetic_deg: float
     model_deg: float
     geomagnetic_latitude_deg: float
-    pole_latitude_deg: float
-    pole_longitude_deg: float
 
 
 def decimal_year(day: date) -> float:
@@ -127,16 +112,13 @@ def earth_field(
     )
     sd = result.calculate_uncertainty()
     return GeomagneticField(
-        model=MODEL,
         year=year,
         declination_deg=float(result.d),
         declination_sd_deg=float(sd.d),
         dip_deg=float(result.i),
         dip_sd_deg=float(sd.i),
         horizontal_mg=float(result.h) * MG_PER_NT,
-        horizontal_sd_mg=float(sd.h) * MG_PER_NT,
         total_mg=float(result.f) * MG_PER_NT,
-        total_sd_mg=float(sd.f) * MG_PER_NT,
         ned_mg=(
             float(result.x) * MG_PER_NT,
             float(result.y) * MG_PER_NT,
@@ -224,14 +206,11 @@ def compare_dips(
     """
     model = earth_field(latitude_deg, longitude_deg, altitude_km, year)
     magnetic_deg = float(geomagnetic_latitude_deg(latitude_deg, longitude_deg, year))
-    pole_latitude_deg, pole_longitude_deg = geomagnetic_pole_deg(year)
     return DipComparison(
         geographic_deg=float(dip_from_latitude_deg(latitude_deg)),
         geomagnetic_deg=float(dip_from_latitude_deg(magnetic_deg)),
         model_deg=model.dip_deg,
         geomagnetic_latitude_deg=magnetic_deg,
-        pole_latitude_deg=pole_latitude_deg,
-        pole_longitude_deg=pole_longitude_deg,
     )
 
 

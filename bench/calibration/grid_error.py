@@ -11,7 +11,8 @@ with n the unit vector north in the body: derivatives at any attitude, in closed
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import cache
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -21,13 +22,16 @@ from bench.calibration.tilt import ned_from_body
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-SMALLEST_HORIZONTAL = 0.02
+SMALLEST_HORIZONTAL: Final = 0.02
 """Horizontal part of the field below which a heading means nothing."""
 
 
-def grid_axes(*, level_only: bool = False) -> NDArray[np.float64]:
+@cache
+def grid_axes() -> NDArray[np.float64]:
     """Return ned_from_body, shape (k, 3, 3), of the attitudes of the verification grid."""
-    return ned_from_body(*grid_attitudes_deg(level_only=level_only).T)
+    axes = ned_from_body(*grid_attitudes_deg().T)
+    axes.setflags(write=False)
+    return axes
 
 
 def grid_field(

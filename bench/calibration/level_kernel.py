@@ -14,6 +14,7 @@ import numpy as np
 
 from bench.calibration.fit import Cause
 from bench.calibration.saturation import saturated
+from protocols.angles import wrap_360_deg
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -69,18 +70,6 @@ class LevelFits:
     chi2_reduced: NDArray[np.float64]
     gap_deg: NDArray[np.float64]
     cause: NDArray[np.int8]
-
-    def corrected_mg(self, field_mg: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return corrected x and y, shape (..., n, 2), of raw readings of that shape."""
-        return corrected_mg(field_mg, self.offset_mg, self.matrix)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PrintedFormula:
-    """Offset (..., 2) and matrix (..., 2, 2) by a formula as a paper prints it: for its study."""
-
-    offset_mg: NDArray[np.float64]
-    matrix: NDArray[np.float64]
 
     def corrected_mg(self, field_mg: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return corrected x and y, shape (..., n, 2), of raw readings of that shape."""
@@ -178,7 +167,7 @@ def largest_gap_deg(horizontal: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def largest_azimuth_gap_deg(azimuth_deg: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the largest gap, shape (...), between neighbours of angles (..., n) on the circle."""
-    turned_deg = np.sort(np.mod(azimuth_deg, 360.0), axis=-1)
+    turned_deg = np.sort(wrap_360_deg(azimuth_deg), axis=-1)
     last_deg = turned_deg[..., :1] + 360.0
     return np.asarray(np.diff(turned_deg, axis=-1, append=last_deg).max(axis=-1))
 

@@ -12,7 +12,7 @@ from bench.calibration.level_kernel import DISTURBED_SIGMA, LARGEST_MG, LevelFit
 from bench.calibration.prediction import grid_attitudes_deg, predicted_heading_deg
 from bench.calibration.saturation import STOPPED, saturated_axis
 from bench.calibration.tilt import attitude_deg
-from protocols.angles import wrap_180_deg
+from protocols.angles import wrap_180_deg, wrap_360_deg
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -148,7 +148,7 @@ def returned_change_mg(data: CalibrationData, rows: NDArray[np.bool_]) -> float:
     """
     if data.azimuth_deg is None or rows.sum() < 2:
         return 0.0
-    azimuth_deg = np.mod(data.azimuth_deg[rows], 360.0)
+    azimuth_deg = wrap_360_deg(data.azimuth_deg[rows])
     order = np.argsort(azimuth_deg, kind="stable")
     field_mg = data.field_mg[rows][order, :2]
     change_mg = np.linalg.norm(np.roll(field_mg, -1, axis=0) - field_mg, axis=1)

@@ -67,7 +67,7 @@ class SetResetFits:
         Coefficients of H C (that is -1/Hk) and of H; 0 where left out.
     amplitude_mg : ndarray
         Largest |set - reset|/2.
-    symmetry, symmetry_sd : ndarray
+    symmetry : ndarray
         Gain after set over gain after reset: 1 for a sound strap, 0 where the reading does
         not flip at all.
     residual_rms_mg : ndarray
@@ -87,7 +87,6 @@ class SetResetFits:
     asymmetry: NDArray[np.float64]
     amplitude_mg: NDArray[np.float64]
     symmetry: NDArray[np.float64]
-    symmetry_sd: NDArray[np.float64]
     residual_rms_mg: NDArray[np.float64]
     cause: NDArray[np.int8]
 
@@ -172,7 +171,6 @@ def set_reset_batch(field_mg: ArrayLike, offset_mg: ArrayLike) -> SetResetFits:
         asymmetry=solution[..., 2],
         amplitude_mg=largest,
         symmetry=symmetry,
-        symmetry_sd=np.where(gain, 2.0 * np.sqrt(covariance[..., 2, 2]), 1.0),
         residual_rms_mg=rms,
         cause=first_cause(
             (Cause.DEGENERATE, beyond),

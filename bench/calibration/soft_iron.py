@@ -30,7 +30,6 @@ from bench.calibration.level_kernel import (
     LARGEST_AXIS_RATIO,
     SMALLEST_SWING,
     LevelFits,
-    PrintedFormula,
     accepted_or_neutral,
     disturbed_units,
     first_cause,
@@ -247,70 +246,3 @@ def _fit_of(fits: SoftIronFits, field_mg: NDArray[np.float64]) -> Fit:
             "axis_ratio_sd": float(fits.axis_ratio_sd),
         },
     )
-
-
-def printed_soft_iron(field_mg: ArrayLike) -> PrintedFormula:
-    """Return Konvalin (1)-(7) as printed, for the study of the errata only: not for a compass.
-
-    Centre from the extremes (1)-(2); r and (x1, y1) from the reading farthest from it (3),
-    theta = arcsin(y1/r) (4), q from the nearest; rotate (5)-(6), divide x by sigma = q/r (7),
-    rotate back.
-
-    Parameters
-    ----------
-    field_mg : array-like, shape (..., n, 2)
-        x and y of a level turn.
-    """
-    offset, centred = _about_the_extremes(field_mg)
-    length = np.hypot(centred[..., 0], centred[..., 1])
-    r, q = length.max(axis=-1), length.min(axis=-1)
-    y1 = np.take_along_axis(centred[..., 1], length.argmax(axis=-1)[..., None], axis=-1)[..., 0]
-    theta = np.arcsin(np.clip(y1 / r, -1.0, 1.0))
-    sigma = q / r
-    return PrintedFormula(
-        offset_mg=offset, matrix=_rotate_scale_rotate(theta, 1.0 / sigma, np.ones_like(r))
-    )
-
-
-def forty_five_soft_iron(field_mg: ArrayLike) -> PrintedFormula:
-    """Return Caruso's rotation by 45 deg [2]_, for the study of what it leaves.
-
-    Rotate by 45 deg, scale the larger half-range to the smaller one, rotate back: right only
-    where the ellipse's axes lie at 45 and 135 deg.
-
-    Parameters
-    ----------
-    field_mg : array-like, shape (..., n, 2)
-        x and y of a level turn.
-    """
-    offset, centred = _about_the_extremes(field_mg)
-    theta = np.full(offset.shape[:-1], np.pi / 4.0)
-    turned = centred @ np.swapaxes(_rotation(theta), -1, -2)
-    half = np.ptp(turned, axis=-2) / 2.0
-    scale = half.min(axis=-1, keepdims=True) / half
-    return PrintedFormula(
-        offset_mg=offset, matrix=_rotate_scale_rotate(theta, scale[..., 0], scale[..., 1])
-    )
-
-
-def _about_the_extremes(
-    field_mg: ArrayLike,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the middle of the extremes, Konvalin (1)-(2), and the readings about it."""
-    readings = require_readings(field_mg, 2)
-    offset = (readings.max(axis=-2) + readings.min(axis=-2)) / 2.0
-    return offset, readings - offset[..., None, :]
-
-
-def _rotation(theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return R of Konvalin (5), shape (..., 2, 2)."""
-    c, s = np.cos(theta), np.sin(theta)
-    return np.stack([np.stack([c, s], axis=-1), np.stack([-s, c], axis=-1)], axis=-2)
-
-
-def _rotate_scale_rotate(
-    theta: NDArray[np.float64], along: NDArray[np.float64], across: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    R = _rotation(theta)
-    scale = np.stack([along, across], axis=-1)
-    return np.asarray(np.swapaxes(R, -1, -2) @ (scale[..., :, None] * R))

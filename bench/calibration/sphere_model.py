@@ -124,19 +124,19 @@ def tilt_rows(
     first, second = 1.0 / np.sqrt(a), 1.0 / np.sqrt(e)
     half = -0.5 * q * second / e
     # Factors of dr1, da, dc and dd in the derivative of the second residual; dr2's is `second`.
-    f1, fc = -k * second, -r1 * second / a - 2.0 * half * k
-    fa = r1 * k * second / a + half * k**2
-    fa, fc, fd, fg = 2.0 * s2 * fa, s2 * fc, 2.0 * s2 * half, 2.0 * g2 * half
+    f1, fd, fg = -k * second, 2.0 * s2 * half, 2.0 * g2 * half
+    fa = 2.0 * s2 * (r1 * k * second / a + half * k**2)
+    fc = s2 * (-r1 * second / a - 2.0 * half * k)
     mp, mh = p @ back, h @ back
     bend = (-r1 * first / a * s2)[..., None]
-    sphere = _columns(matrix, [(first[..., None] * w + bend * mp, z), (bend * w, p)])
     by_z = (second - fg * along)[..., None] * down + (f1 + fg)[..., None] * w
     by_z += fc[..., None] * mh + fa[..., None] * mp
     by_p = fc[..., None] * down + fa[..., None] * w
     by_h = fc[..., None] * w + fd[..., None] * down
-    tilt = _columns(matrix, [(by_z, z), (by_p, p), (by_h, h)])
-    jacobian = np.zeros((*a.shape[:1], 2, a.shape[1], 13))
-    jacobian[:, 0, :, :12], jacobian[:, 1, :, :12] = sphere, tilt
+    jacobian = np.zeros((len(a), 2, a.shape[1], 13))
+    sphere = [(first[..., None] * w + bend * mp, z), (bend * w, p)]
+    jacobian[:, 0, :, :12] = _columns(matrix, sphere)
+    jacobian[:, 1, :, :12] = _columns(matrix, [(by_z, z), (by_p, p), (by_h, h)])
     jacobian[:, 1, :, 12] = -second
     return np.stack([r1 * first, q * second], axis=1), jacobian
 

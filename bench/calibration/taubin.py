@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bench.calibration.coverage import _sphere_points
 from bench.calibration.ellipsoid import LARGEST_AXIS_RATIO, SECOND_QUADRIC, SMALLEST_SECOND
 from bench.calibration.sphere_model import symmetric
 
@@ -72,22 +73,13 @@ def normalised(field_mg: NDArray[np.float64]) -> Normalised:
     ratio = np.where(still, 0.0, ratio)
     usable = ~still & (ratio > SMALLEST_EXTENT)
     return Normalised(
-        points=np.where(usable[:, None, None], points, _sphere(count)),
+        points=np.where(usable[:, None, None], points, _sphere_points(count)),
         centre_mg=centre_mg,
         scale_mg=scale_mg,
         extent_ratio=ratio,
         still=still,
         usable=usable,
     )
-
-
-def _sphere(count: int) -> NDArray[np.float64]:
-    """Return points, shape (count, 3), evenly along a spiral on the unit sphere."""
-    index = np.arange(count) + 0.5
-    height = 1.0 - 2.0 * index / count
-    turn_rad = index * np.pi * (3.0 - np.sqrt(5.0))
-    across = np.sqrt(1.0 - height**2)
-    return np.column_stack([across * np.cos(turn_rad), across * np.sin(turn_rad), height])
 
 
 def taubin_batch(points: NDArray[np.float64]) -> TaubinStarts:

@@ -210,7 +210,7 @@ def _solved(
     thirds = np.arange(heading_deg.shape[-1]) * 360.0 / heading_deg.shape[-1]
     design = _design(np.where(spread[..., None], heading_deg, thirds))
     inverse = np.asarray(np.linalg.pinv(design), dtype=float)
-    values = readings.reshape(*readings.shape[:-2], -1, 1)
+    values = readings.reshape(*readings.shape[:-2], 2 * readings.shape[-2], 1)
     solution = inverse @ values
     squares = ((values - design @ solution) ** 2).sum(axis=(-1, -2))
     return inverse, solution[..., 0], squares
@@ -223,7 +223,7 @@ def _design(heading_deg: NDArray[np.float64]) -> NDArray[np.float64]:
     of_x = np.stack([one, zero, c, -s], axis=-1)
     of_y = np.stack([zero, one, -s, -c], axis=-1)
     rows = np.stack([of_x, of_y], axis=-2)
-    return rows.reshape(*heading_deg.shape[:-1], -1, 4)
+    return rows.reshape(*heading_deg.shape[:-1], 2 * heading_deg.shape[-1], 4)
 
 
 def _turn_back(index: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -246,7 +246,8 @@ def _covariance(
     to_index = np.rad2deg(np.stack([zero, zero, -s, c], axis=-1) / gain[..., None])
     offsets = np.broadcast_to(np.eye(4)[:2], (*index.shape, 2, 4))
     to_parameters = np.concatenate([offsets, np.stack([to_gain, to_index], axis=-2)], axis=-2)
-    slopes = (to_parameters @ inverse).reshape(*index.shape, 4, -1, 2)
+    by_reading = to_parameters @ inverse
+    slopes = by_reading.reshape(*by_reading.shape[:-1], by_reading.shape[-1] // 2, 2)
     seen = np.deg2rad(heading_deg) + index[..., None]
     tangents = gain[..., None, None] * np.stack([-np.sin(seen), -np.cos(seen)], axis=-1)
     return reading_covariance(slopes, tangents, field_sd_mg, heading_sd_deg)

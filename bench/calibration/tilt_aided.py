@@ -26,15 +26,12 @@ from bench.calibration.saturation import saturated_axis
 from bench.calibration.tilt_aided_batch import (
     CAUSES,
     LARGEST_PREDICTED_DEG,
-    LARGEST_RESIDUAL,
     SMALLEST,
     SMALLEST_MIRROR,
-    UNKNOWNS,
     TiltAidedFits,
-    readings_of,
     tilt_aided_batch,
-    tilt_minimum,
 )
+from bench.calibration.tilt_readings import UNKNOWNS, readings_of, tilt_minimum
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -66,7 +63,9 @@ def fit_tilt_aided(data: CalibrationData) -> Fit:
     -------
     Fit
         `extra` holds ``dip_deg_sd``, ``misalignment_deg`` (rotation from the magnetometer's to
-        the accelerometer's axes), ``disturbed_poses`` and for each one left out
+        the accelerometer's axes), ``residual_correlation`` (from pose to pose; 0 if it is
+        noise's), ``drift_deg`` (change of the heading if field and offset are let drift over
+        the run; 0 if they do not), ``disturbed_poses`` and for each one left out
         ``disturbed_<row>_sigmas``; the message names them. Refused with NO_ACCELERATION, TOO_FEW,
         NO_TURN, TILT_TOO_SMALL, SATURATED, NOT_OBSERVABLE, DEGENERATE, NOT_CONVERGED,
         RESIDUAL_TOO_LARGE or FIELD_DISTURBED.
@@ -149,9 +148,12 @@ def _refused(data: CalibrationData, fits: TiltAidedFits, cause: Cause) -> Fit:
         Cause.NOT_OBSERVABLE: _unobservable(fits),
         Cause.DEGENERATE: "the readings lie on no ellipsoid, or have a dip of "
         f"{float(fits.dip_deg):.0f} deg: an axis is stuck or mirrored, or the force has its sign",
+        Cause.FIELD_DISTURBED: "field or offset drifted over the run, by "
+        f"{float(fits.drift_deg):.1f} deg of heading: keep iron away, let the module warm up",
         Cause.NOT_CONVERGED: "the tilt-aided fit did not settle: cover more directions",
-        Cause.RESIDUAL_TOO_LARGE: f"the residual of {relative:.1f} % of the field exceeds "
-        f"{100.0 * LARGEST_RESIDUAL:.0f} %: the field around the module changed",
+        Cause.RESIDUAL_TOO_LARGE: f"the residual of {relative:.1f} % of the field is "
+        f"{float(fits.chi2_reduced) ** 0.5:.0f} times the noise: the field around the module "
+        "changed",
     }
     return refusal(
         METHOD,
@@ -184,6 +186,8 @@ def _accepted(
     extra = {
         "dip_deg_sd": float(np.sqrt(fits.covariance[12, 12])),
         "misalignment_deg": _misalignment_deg(fits.matrix),
+        "residual_correlation": float(fits.correlation),
+        "drift_deg": float(fits.drift_deg),
         "disturbed_poses": float(len(found)),
     }
     extra |= {f"disturbed_{one.pose}_sigmas": one.sigmas for one in found}

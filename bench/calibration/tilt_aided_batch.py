@@ -6,14 +6,15 @@ magnetometer into the accelerometer's axes), the offset, and the field's dip.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bench.calibration.consistency import correlation, drift
 from bench.calibration.fit import Cause
 from bench.calibration.grid_error import correction_rows, grid_axes, grid_field, predicted_deg
-from bench.calibration.least_squares import Inverse, Minimum, inverted, minimised
+from bench.calibration.least_squares import Inverse, Minimum, inverted
 from bench.calibration.saturation import saturated
 from bench.calibration.sphere_fits import (
     SphereFits,
@@ -21,14 +22,18 @@ from bench.calibration.sphere_fits import (
     neutral_where_refused,
     require_vectors,
 )
-from bench.calibration.sphere_model import tilt_rows
-from bench.calibration.taubin import Normalised, normalised, taubin_batch
-from bench.calibration.tilt_start import ellipsoid_start, sphere_start
+from bench.calibration.tilt_readings import (
+    SMALLEST_FORCE_G,
+    UNKNOWNS,
+    Readings,
+    drift_rows,
+    readings_of,
+    tilt_minimum,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-UNKNOWNS: Final = 13
 SMALLEST: Final = 8
 BLOCK: Final = 256
 """Units at a time, so that their derivatives stay in the processor's cache."""
@@ -38,18 +43,19 @@ or of one tilt, or turn about one axis only."""
 LEVEL_RANK: Final = 8
 SMALLEST_MIRROR: Final = 100.0
 """Sum of squares, in standard deviations, by which the poses must contradict the mirror image."""
-SMALLEST_FORCE_G: Final = 0.1
-LEAST_NOISE: Final = 2e-5
-"""Part of the field below which no noise is assumed: 0.01 mG in 500 mG."""
 LARGEST_AXIS_RATIO: Final = 5.0
-LARGEST_RESIDUAL: Final = 0.08
+LARGEST_RESIDUAL: Final = 0.03
+"""Part of the field that residuals may be."""
+NOTED_RESIDUAL: Final = 0.005
+LARGEST_CHI2: Final = 100.0
+"""chi2_reduced beyond which residuals of NOTED_RESIDUAL are no noise: ten times what is assumed."""
 LARGEST_PREDICTED_DEG: Final = 3.0
 LARGEST_DIP_DIFFERENCE_DEG: Final = 20.0
 """Difference from the station's dip beyond which a sensor is mirrored, not the site disturbed."""
 LARGEST_SINE: Final = 0.9998
 """Sine of 88.9 deg: nearer to a pole there is no horizontal field."""
-PATIENCE: Final = 3.0
-"""chi2_reduced from which the second start is tried too."""
+LARGEST_DRIFT_DEG: Final = 1.0
+"""Heading error RMS that a drift over the run may leave."""
 CAUSES: Final[tuple[Cause | None, ...]] = (
     None,
     Cause.TOO_FEW,
@@ -61,6 +67,7 @@ CAUSES: Final[tuple[Cause | None, ...]] = (
     Cause.DEGENERATE,
     Cause.RESIDUAL_TOO_LARGE,
     Cause.NOT_CONVERGED,
+    Cause.FIELD_DISTURBED,
 )
 """Causes by the code that the kernel returns; code 0 is no cause: accepted."""
 
@@ -69,48 +76,25 @@ CAUSES: Final[tuple[Cause | None, ...]] = (
 class TiltAidedFits(SphereFits):
     """Sphere fits with the dip, their covariance of `tilt_aided.PARAMETERS` (13).
 
+    Where residuals are correlated, the covariance is also that of fewer readings; where they
+    show a drift of field, dip or offset, it holds what that would change.
+
     Attributes
     ----------
     dip_deg : ndarray, shape (...)
+    correlation : ndarray, shape (...)
+        Of each pose's residuals with the next pose's; 0 where noise alone explains it.
+    drift_deg : ndarray, shape (...)
+        RMS change of the heading if field, dip and offset are let drift; 0 if they do not.
     mirror : ndarray, shape (...)
         By how much, as a sum of squares in standard deviations, the mirror image fits worse; 0
         where the poses tilt about one axis only.
     """
 
     dip_deg: NDArray[np.float64]
+    correlation: NDArray[np.float64]
+    drift_deg: NDArray[np.float64]
     mirror: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Readings:
-    """Normalised readings and unit vectors down of a block of units, with the noise of both."""
-
-    cloud: Normalised
-    down: NDArray[np.float64]
-    sd: NDArray[np.float64]
-    down_sd: float
-
-    def extended(self, field_mg: NDArray[np.float64], accel_g: NDArray[np.float64]) -> Readings:
-        """Return other readings (b, n, 3) of the same units, in this one's normalisation."""
-        points = field_mg - self.cloud.centre_mg[:, None, :]
-        points = points / self.cloud.scale_mg[:, None, None]
-        return replace(self, cloud=replace(self.cloud, points=points), down=_down(accel_g))
-
-    def rows(
-        self, parameters: NDArray[np.float64], units: NDArray[np.intp]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return whitened residuals (b, 2 n), all r1 first, and Jacobian (b, 2 n, 13)."""
-        residual, jacobian = tilt_rows(
-            parameters[:, :9].reshape(-1, 3, 3),
-            parameters[:, 9:12],
-            parameters[:, 12],
-            self.cloud.points[units],
-            self.down[units],
-            self.sd[units],
-            self.down_sd,
-        )
-        count = 2 * residual.shape[2]
-        return residual.reshape(-1, count), jacobian.reshape(-1, count, UNKNOWNS)
 
 
 def tilt_aided_batch(
@@ -164,55 +148,6 @@ def tilt_aided_batch(
     return joined(blocks, readings.shape[:-2])
 
 
-def readings_of(
-    field_mg: NDArray[np.float64],
-    accel_g: NDArray[np.float64],
-    field_sd_mg: float,
-    accel_sd_g: float,
-) -> Readings:
-    """Return the readings (b, n, 3) of a block normalised, and gravity's direction in them."""
-    cloud = normalised(field_mg)
-    return Readings(
-        cloud=cloud,
-        down=_down(accel_g),
-        sd=np.maximum(field_sd_mg / cloud.scale_mg, LEAST_NOISE),
-        down_sd=accel_sd_g,
-    )
-
-
-def _down(accel_g: NDArray[np.float64]) -> NDArray[np.float64]:
-    lengths = np.linalg.norm(accel_g, axis=-1, keepdims=True)
-    return np.asarray(-accel_g / np.maximum(lengths, SMALLEST_FORCE_G))
-
-
-def tilt_minimum(readings: Readings) -> Minimum:
-    """Return the minimum from the ellipsoid's start, or from the sphere's where that is lower."""
-    cloud = readings.cloud
-    starts = taubin_batch(cloud.points)
-    best = minimised(readings.rows, ellipsoid_start(starts, cloud.points, readings.down))
-    dof = max(2 * cloud.points.shape[1] - UNKNOWNS, 1)
-    again = np.flatnonzero(~best.converged | ~starts.found | (best.chi2 > PATIENCE * dof))
-    if not len(again):
-        return best
-
-    def rows(
-        parameters: NDArray[np.float64], units: NDArray[np.intp]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return readings.rows(parameters, again[units])
-
-    other = minimised(rows, sphere_start(cloud.points[again], readings.down[again]))
-    determinant = np.linalg.det(other.parameters[:, :9].reshape(-1, 3, 3))
-    lower = (other.chi2 < best.chi2[again]) & other.converged & (determinant > 0.0)
-    kept = again[lower]
-    for mine, its in zip(
-        (best.parameters, best.normal, best.chi2, best.converged),
-        (other.parameters, other.normal, other.chi2, other.converged),
-        strict=True,
-    ):
-        mine[kept] = its[lower]
-    return best
-
-
 def _fitted(
     field_mg: NDArray[np.float64],
     accel_g: NDArray[np.float64],
@@ -231,6 +166,7 @@ def _fitted(
     spread = _spread(readings.down)
     forceless = np.linalg.norm(accel_g, axis=-1).min(axis=-1) < SMALLEST_FORCE_G
     relative = fits.residual_rms_mg / fits.field_mg
+    beyond_noise = (relative > NOTED_RESIDUAL) & (fits.chi2_reduced > LARGEST_CHI2)
     conditions = {
         Cause.TOO_FEW: np.full(len(field_mg), count < SMALLEST),
         Cause.NO_TURN: readings.cloud.still,
@@ -240,8 +176,9 @@ def _fitted(
         Cause.NOT_OBSERVABLE: fits.mirror < SMALLEST_MIRROR,
         Cause.DEGENERATE: ~readings.cloud.usable
         | (best.converged & (~proper | _other_dip(fits, station_mg))),
-        Cause.RESIDUAL_TOO_LARGE: proper & (relative > LARGEST_RESIDUAL),
+        Cause.RESIDUAL_TOO_LARGE: proper & ((relative > LARGEST_RESIDUAL) | beyond_noise),
         Cause.NOT_CONVERGED: ~best.converged,
+        Cause.FIELD_DISTURBED: fits.drift_deg > LARGEST_DRIFT_DEG,
     }
     codes = [np.int8(CAUSES.index(cause)) for cause in conditions]
     cause = np.select(list(conditions.values()), codes, np.int8(0))
@@ -295,36 +232,52 @@ def _in_mg(
     cloud, parameters = readings.cloud, best.parameters
     unit = np.where(proper[:, None, None], parameters[:, :9].reshape(-1, 3, 3), np.eye(3))
     sine = np.clip(parameters[:, 12], -LARGEST_SINE, LARGEST_SINE)
-    cosine = np.sqrt(1.0 - sine**2)
-    if station_mg is None:
-        strength = cloud.scale_mg / np.linalg.det(unit) ** (1.0 / 3.0)
-    else:
+    strength = cloud.scale_mg / np.linalg.det(unit) ** (1.0 / 3.0)
+    if station_mg is not None:
         strength = np.full(len(unit), float(np.linalg.norm(station_mg)))
     factor = strength / cloud.scale_mg
-    dof = 2 * cloud.points.shape[1] - UNKNOWNS
-    chi2 = best.chi2 / max(dof, 1)
-    to_units = np.repeat(
-        np.stack([factor, cloud.scale_mg, np.rad2deg(1.0 / cosine)], axis=1), [9, 3, 1], axis=1
-    )
-    covariance = found.covariance * to_units[:, :, None] * to_units[:, None, :]
-    covariance = covariance * np.maximum(chi2, 1.0)[:, None, None]
+    chi2 = best.chi2 / max(2 * cloud.points.shape[1] - UNKNOWNS, 1)
+    dip_rad = np.arcsin(sine)
+    scales = [factor, cloud.scale_mg, np.rad2deg(1.0 / np.cos(dip_rad))]
+    to_units = np.repeat(np.stack(scales, axis=1), [9, 3, 1], axis=1)
+    covariance, shift, together, rms = _uncertainty(readings, best, found, chi2, to_units)
     matrix = unit * factor[:, None, None]
     rows = correction_rows(*grid_field(grid_axes(), strength, sine), matrix)
     rms_deg, max_deg = predicted_deg(rows, covariance[:, :12, :12])
-    residual = readings.rows(parameters, np.arange(len(parameters)))[0]
-    distance = residual[:, : cloud.points.shape[1]] * (readings.sd * cloud.scale_mg)[:, None]
+    drift_deg = np.sqrt(((rows @ shift[:, :12, None]) ** 2).mean(axis=(1, 2)))
     return TiltAidedFits(
         offset_mg=cloud.centre_mg + cloud.scale_mg[:, None] * parameters[:, 9:12],
         matrix=matrix,
         field_mg=strength,
         covariance=covariance,
-        residual_rms_mg=np.sqrt((distance**2).mean(axis=1)),
+        residual_rms_mg=rms * readings.sd * cloud.scale_mg,
         chi2_reduced=chi2,
         condition=found.condition,
         rank=found.rank,
         predicted_rms_deg=rms_deg,
         predicted_max_deg=max_deg,
         cause=np.zeros(len(unit), dtype=np.int8),
-        dip_deg=np.rad2deg(np.arcsin(sine)),
+        dip_deg=np.rad2deg(dip_rad),
+        correlation=together,
+        drift_deg=drift_deg,
         mirror=_mirror(readings, best),
     )
+
+
+def _uncertainty(
+    readings: Readings,
+    best: Minimum,
+    found: Inverse,
+    chi2: NDArray[np.float64],
+    to_units: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return covariance and shift by a drift (b, 13) in the fit's units, correlation, RMS of r1."""
+    residual, jacobian = readings.rows(best.parameters, np.arange(len(chi2)))
+    by_pose = residual.reshape(len(chi2), 2, -1)
+    together = correlation(by_pose)
+    by_drift = drift_rows(best.parameters, jacobian)
+    shift = drift(residual, jacobian, found.covariance, by_drift).shift * to_units
+    growth = np.maximum(chi2, 1.0) * (1.0 + together) / (1.0 - together)
+    covariance = found.covariance * to_units[:, :, None] * to_units[:, None, :]
+    covariance = covariance * growth[:, None, None] + shift[:, :, None] * shift[:, None, :]
+    return covariance, shift, together, np.sqrt((by_pose[:, 0] ** 2).mean(axis=1))

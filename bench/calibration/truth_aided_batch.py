@@ -201,7 +201,7 @@ def _neutral(model: TruthModel, station_mg: NDArray[np.float64]) -> NDArray[np.f
 
 def _regular(model: TruthModel, parameters: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which units' gains, of each sensor, are finite and span three axes."""
-    regular = np.isfinite(parameters).all(axis=1)
+    regular = np.asarray(np.isfinite(parameters).all(axis=1))
     safe = np.where(regular[:, None], parameters, 0.0)
     for sensor in range(model.sensors):
         gains = np.linalg.svd(_gain(safe, sensor), compute_uv=False)

@@ -42,6 +42,8 @@ SMALLEST_TILT_DEG: Final = 5.0
 """Rows of less tilt say too little of the dip and are left out."""
 BLIND: Final = 0.1
 """Sine of the distance from the blind azimuth, 5.7 deg, that at least one row must exceed."""
+LARGEST: Final = 1e6
+"""Readings over the horizontal field beyond it are held there, so that nothing overflows."""
 PASSES: Final = 3
 """Solutions with weights from the one before; the weights depend on the dip but weakly."""
 
@@ -167,6 +169,7 @@ def extended_dip_batch(
     if not all(np.isfinite(values).all() for values in (X, Y, th, ph, psi)):
         message = "readings and angles must be finite; instead received a value that is not"
         raise ValueError(message)
+    X, Y = np.clip(X, -LARGEST, LARGEST), np.clip(Y, -LARGEST, LARGEST)
     d, n = _identity(X, Y, th, ph, psi)
     tilt = np.sqrt(np.maximum(1.0 - (np.cos(th) * np.cos(ph)) ** 2, 0.0))
     used = tilt >= np.sin(np.deg2rad(SMALLEST_TILT_DEG))
@@ -210,36 +213,6 @@ def _dip(
         rows=rows,
         cause=cause,
     )
-
-
-def printed_extended_dip_deg(
-    x: ArrayLike,
-    y: ArrayLike,
-    pitch_deg: ArrayLike,
-    roll_deg: ArrayLike,
-    azimuth_deg: ArrayLike,
-) -> NDArray[np.float64]:
-    """Return (26) exactly as printed, for each sample: for the study, not for use.
-
-    It divides by zero at the blind azimuths and carries tan(psi), which diverges at 90 and
-    270 deg; there it is what the floating-point numbers make of it, which may not be finite.
-
-    Parameters
-    ----------
-    x, y, pitch_deg, roll_deg, azimuth_deg : array-like
-        As in `extended_dip_batch`, of one sample each.
-
-    Examples
-    --------
-    >>> round(float(printed_extended_dip_deg(-0.2536529, -0.7071068, 30.0, 0.0, 45.0)), 4)
-    60.0
-    """
-    X, Y = np.asarray(x, float), np.asarray(y, float)
-    th, ph, psi = (np.deg2rad(np.asarray(a, float)) for a in (pitch_deg, roll_deg, azimuth_deg))
-    across = X * (np.sin(th) * np.sin(ph) - np.cos(ph) * np.tan(psi)) - Y * np.cos(th)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = across / (np.sin(th) * np.cos(ph) * np.tan(psi) - np.sin(ph))
-    return np.asarray(np.rad2deg(np.arctan(ratio)))
 
 
 def _identity(

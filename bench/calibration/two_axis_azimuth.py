@@ -51,6 +51,11 @@ def azimuth_error_batch(
     error_deg, sd_deg : ndarray, shape (...)
         0 and infinity where the tilts do not show it.
 
+    Raises
+    ------
+    ValueError
+        If a value is not finite.
+
     Examples
     --------
     >>> pitch_rad, psi = np.deg2rad(30.0), np.deg2rad([1.0, 91.0, 181.0, 271.0])  # truly
@@ -65,6 +70,9 @@ def azimuth_error_batch(
         *(np.asarray(value, dtype=float) for value in (x, y)),
         *(np.deg2rad(np.asarray(a, float)) for a in (pitch_deg, roll_deg, azimuth_deg)),
     )
+    if not all(np.isfinite(values).all() for values in (X, Y, th, ph, psi)):
+        message = "readings and angles must be finite; instead received a value that is not"
+        raise ValueError(message)
     lam = np.deg2rad(np.asarray(dip_deg, dtype=float))[..., None]
     sth, cth, sph, cph = np.sin(th), np.cos(th), np.sin(ph), np.cos(ph)
     spsi, cpsi, down = np.sin(psi), np.cos(psi), np.tan(lam)

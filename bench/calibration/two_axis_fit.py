@@ -12,7 +12,7 @@ Limits of the method, none of which its residual or its prediction shows:
   of 30 deg and dip 48.72, and tan(dip) as much elsewhere.
 - The tilt of the turn: 0.1 deg reads as hard iron worth 0.17 deg at dip 60.
 - An azimuth error that all rows share (the seat, the field's azimuth) moves the dip, unless the
-  tilts are taken on both sides.
+  tilts are taken on both sides. ``extra["field_azimuth_deg"]`` of `two_axis_aided` shows it.
 - Dip and horizontal field are those of the calibration: elsewhere they must be found again.
 
 References
@@ -23,73 +23,42 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from bench.calibration.accelerometer import fit_accelerometer
 from bench.calibration.affine_turn import PARAMETERS as AFFINE
-from bench.calibration.affine_turn import affine_slopes, affine_turn_batch
 from bench.calibration.coverage import sphere_coverage
 from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
-from bench.calibration.level_kernel import LARGEST_MG, saturated_units
+from bench.calibration.level_kernel import saturated_units
 from bench.calibration.level_turn import (
-    amplitude_slopes,
     level_rows,
     refused_fit,
     refused_rows,
     station_horizontal_mg,
 )
 from bench.calibration.min_max import PARAMETERS as EXTREMES
-from bench.calibration.min_max import SMALLEST, min_max_batch
+from bench.calibration.min_max import SMALLEST
 from bench.calibration.prediction import predicted_heading_deg
 from bench.calibration.tilt import two_axis_attitude_deg
-from bench.calibration.two_axis import (
-    BLIND,
-    CAUSES,
-    ExtendedDip,
-    estimated_z_mg,
-    extended_dip_batch,
-)
+from bench.calibration.two_axis import BLIND, CAUSES, ExtendedDip, estimated_z_mg
+from bench.calibration.two_axis_azimuth import azimuth_error_batch
+from bench.calibration.two_axis_batch import TwoAxisFits, two_axis_batch
 from bench.calibration.two_axis_prediction import two_axis_jacobians
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
-    from bench.calibration.level_kernel import LevelFits
 
 PAPER: Final = "two_axis"
 AIDED: Final = "two_axis_aided"
 LEVEL_BY_RIG_DEG: Final = 1.0
 """Rows that the rig tilts by more are no part of the turn, nor of the dip below 5 deg."""
+LARGEST_AZIMUTH_SD_DEG: Final = 0.1
+"""Above it the tilts say nothing of the field's azimuth that a limit could judge."""
 LARGEST_RESIDUAL: Final = 0.2
 """RMS of the dip's residual, as a part of the horizontal field, in one undisturbed field."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TwoAxisFits:
-    """Normalisation and extended dip angle of many units; units are the leading axes (...).
-
-    Attributes
-    ----------
-    turn : LevelFits
-        Normalisation of x and y, with its own cause.
-    dip : ExtendedDip
-        With its own cause; of a unit whose turn was refused it means nothing.
-    covariance : ndarray, shape (..., p + 1, p + 1)
-        Of the turn's parameters, then the extended dip angle in degrees.
-    slopes : ndarray, shape (..., p, 2, 2)
-        Derivative of the turn's matrix by its parameters.
-    cause : ndarray of int8, shape (...)
-        0 accepted, 1 the turn was refused, 2 the dip was.
-    """
-
-    turn: LevelFits
-    dip: ExtendedDip
-    covariance: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    cause: NDArray[np.int8]
 
 
 def fit_two_axis(data: CalibrationData) -> Fit:
@@ -120,94 +89,6 @@ def fit_two_axis_aided(data: CalibrationData) -> Fit:
     and y, and takes soft iron between the axes and the sensors' rotation about z besides.
     """
     return _fit(AIDED, data)
-
-
-def two_axis_batch(
-    turn_mg: ArrayLike,
-    turn_azimuth_deg: ArrayLike | None,
-    tilted_mg: ArrayLike,
-    azimuth_deg: ArrayLike,
-    pitch_deg: ArrayLike,
-    roll_deg: ArrayLike,
-    *,
-    horizontal_mg: ArrayLike | None = None,
-    field_sd_mg: float = 0.5,
-    rig_sd_deg: float = 0.02,
-) -> TwoAxisFits:
-    """Return normalisation and extended dip angle of each unit.
-
-    Parameters
-    ----------
-    turn_mg : array-like, shape (..., n, 2)
-        Level readings.
-    turn_azimuth_deg : array-like, broadcast to (..., n), or None
-        Magnetic azimuths for the affine map; None takes the half-ranges.
-    tilted_mg : array-like, shape (..., m, 2)
-        Tilted readings.
-    azimuth_deg, pitch_deg, roll_deg : array-like, broadcast to (..., m)
-        Their attitudes; magnetic azimuth.
-    horizontal_mg : array-like, shape (...), optional
-        Horizontal field that the corrected readings shall have.
-    field_sd_mg, rig_sd_deg : float
-        Of one reading an axis, and of each angle.
-    """
-    turn, slopes = _normalised(turn_mg, turn_azimuth_deg, horizontal_mg, field_sd_mg, rig_sd_deg)
-    raw_mg = np.clip(np.asarray(tilted_mg, dtype=float), -LARGEST_MG, LARGEST_MG)
-    unit = turn.corrected_mg(raw_mg) / turn.horizontal_mg[..., None, None]
-    dip = extended_dip_batch(
-        unit[..., 0],
-        unit[..., 1],
-        pitch_deg,
-        roll_deg,
-        azimuth_deg,
-        field_sd=field_sd_mg / turn.horizontal_mg,
-        azimuth_sd_deg=rig_sd_deg,
-        tilt_sd_deg=rig_sd_deg,
-    )
-    cause = np.where(turn.cause != 0, 1, np.where(dip.cause != 0, 2, 0)).astype(np.int8)
-    covariance = _covariance(turn, slopes, dip, raw_mg)
-    return TwoAxisFits(turn=turn, dip=dip, covariance=covariance, slopes=slopes, cause=cause)
-
-
-def _normalised(
-    turn_mg: ArrayLike,
-    azimuth_deg: ArrayLike | None,
-    horizontal_mg: ArrayLike | None,
-    field_sd_mg: float,
-    azimuth_sd_deg: float,
-) -> tuple[LevelFits, NDArray[np.float64]]:
-    """Return offset and matrix of the turn, and the matrix's derivative by their parameters."""
-    if azimuth_deg is None:
-        extremes = min_max_batch(turn_mg, field_sd_mg, horizontal_mg=horizontal_mg)
-        return extremes, amplitude_slopes(extremes.matrix, extremes.amplitude_mg)
-    turn = affine_turn_batch(
-        turn_mg,
-        azimuth_deg,
-        horizontal_mg=horizontal_mg,
-        field_sd_mg=field_sd_mg,
-        azimuth_sd_deg=azimuth_sd_deg,
-    )
-    return turn, affine_slopes(turn.matrix)
-
-
-def _covariance(
-    turn: LevelFits,
-    slopes: NDArray[np.float64],
-    dip: ExtendedDip,
-    raw_mg: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return the covariance of the turn's parameters and of the dip, which depends on them."""
-    centred = raw_mg - turn.offset_mg[..., None, :]
-    by_corrected = np.stack([dip.by_x_deg, dip.by_y_deg], axis=-1)
-    by_corrected = by_corrected / turn.horizontal_mg[..., None, None]
-    by_parameter = np.einsum("...mi,...pij,...mj->...p", by_corrected, slopes, centred)
-    by_parameter[..., :2] -= np.einsum("...mi,...ij->...j", by_corrected, turn.matrix)
-    shared = np.einsum("...pq,...q->...p", turn.covariance, by_parameter)
-    variance = dip.dip_sd_deg**2 * np.maximum(dip.chi2_reduced, 1.0)
-    variance = variance + np.einsum("...p,...p->...", by_parameter, shared)
-    upper = np.concatenate([turn.covariance, shared[..., None]], axis=-1)
-    lower = np.concatenate([shared, variance[..., None]], axis=-1)[..., None, :]
-    return np.concatenate([upper, lower], axis=-2)
 
 
 def _fit(method: str, data: CalibrationData) -> Fit:
@@ -331,8 +212,38 @@ def _accepted(
         coverage=sphere_coverage(seen),
         predicted_heading_rms_deg=rms_deg,
         predicted_heading_max_deg=max_deg,
-        extra=_extra(fits, own[:, -1]),
+        extra=_extra(fits, own[:, -1]) | _azimuth(method, data, fits, seen, level),
     )
+
+
+def _azimuth(
+    method: str,
+    data: CalibrationData,
+    fits: TwoAxisFits,
+    seen: NDArray[np.float64],
+    level: NDArray[np.bool_],
+) -> dict[str, float]:
+    """Return the field's azimuth by the rig's tilts; nothing where they do not show it."""
+    if method != AIDED or data.azimuth_deg is None:
+        return {}
+    if data.pitch_deg is None or data.roll_deg is None:
+        return {}
+    by_angle = np.deg2rad(data.rig_sd_deg) / np.cos(np.deg2rad(fits.dip.dip_deg))
+    error_deg, sd_deg = azimuth_error_batch(
+        seen[~level, 0],
+        seen[~level, 1],
+        data.pitch_deg[~level],
+        data.roll_deg[~level],
+        data.azimuth_deg[~level] - data.field_azimuth_deg,
+        dip_deg=fits.dip.dip_deg,
+        field_sd=np.hypot(data.field_sd_mg / fits.turn.horizontal_mg, by_angle),
+    )
+    if sd_deg > LARGEST_AZIMUTH_SD_DEG:
+        return {}
+    return {
+        "field_azimuth_deg": data.field_azimuth_deg - float(error_deg),
+        "field_azimuth_deg_sd": float(sd_deg),
+    }
 
 
 def _extra(fits: TwoAxisFits, by_dip: NDArray[np.float64]) -> dict[str, float]:

@@ -22,6 +22,7 @@ from bench.errors import Aborted, BenchError, BusFault, ConfigError, ModuleSilen
 from bench.executor import FAULT_NAMES, OTHER_FAULT, execute
 from bench.module import Module
 from bench.pairing import LatencyEstimate
+from bench.plan import predictions, require_observable
 from bench.procedure_loader import procedure_path
 from bench.record.recorder import RunRecorder
 from bench.rig import Rig
@@ -81,6 +82,8 @@ def run_procedure(request: RunRequest) -> int:
     """
     require_own_names()
     files = load_run_files(request.procedure, site=request.site, limits=request.limits)
+    judged = predictions(files.procedure, files.station, judged_only=True)
+    require_observable(files.procedure, judged)  # else a good unit would fail
     serial = _serial(request)
     try:
         run_bus = connect(request, serial, files.station, files.procedure.part)

@@ -7,9 +7,9 @@ same in two runs with one seed. Numbers are finite; what could not be measured i
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
 
 from bench.acceptance.outcome import Outcome  # noqa: TC001
 from bench.errors import ConfigError
@@ -173,7 +173,7 @@ class FitEntry(_Strict):
     accel_matrix: Matrix | None
     field_mg: float | None
     dip_deg: float | None
-    extended_dip_deg: float | None = None
+    extended_dip_deg: Annotated[float, Strict(), Field(gt=-90.0, lt=90.0)] | None = None
     parameters: list[str]
     covariance: list[list[float | None]] | None
     residual_rms_mg: float | None
@@ -187,6 +187,16 @@ class FitEntry(_Strict):
     predicted_heading_max_deg: float | None
     extra: dict[str, float | None]
     achieved: AchievedHeading
+
+    @model_validator(mode="after")
+    def _coefficients_are_whole(self) -> Self:
+        if self.matrix is not None and self.offset_mg is None:
+            message = f"fit {self.method} with a matrix must have offset_mg"
+            raise ValueError(message)
+        if self.extended_dip_deg is not None and not (self.extra.get("horizontal_mg") or 0.0) > 0.0:
+            message = f"fit {self.method} with an extended dip must have extra.horizontal_mg"
+            raise ValueError(message)
+        return self
 
 
 class StudySection(_Strict):

@@ -70,7 +70,7 @@ class RecordedFits:
 def recorded_fits(record: Mapping[str, Any]) -> RecordedFits:
     """Return the fits of a record that were not refused, each with the tilt it was compared with.
 
-    Before methods were compared, those without accelerometer coefficients took the raw tilt.
+    In a record without `study`, those without accelerometer coefficients took the raw tilt.
     """
     fits = {
         str(entry["method"]): fit_of(entry)

@@ -10,7 +10,6 @@ import numpy as np
 from bench.calibration.compensation import compensated_heading_deg
 from bench.calibration.deviation import exact_deviation, exact_deviation_deg
 from bench.calibration.methods import fit_named
-from bench.calibration.soft_iron import forty_five_soft_iron
 from bench.reproduction.caruso_turn import (
     COUNTS,
     EVERYWHERE_DEG,
@@ -29,6 +28,7 @@ from bench.reproduction.figures import (
     panels,
     plane_axes,
 )
+from bench.reproduction.printed_formulas import forty_five_soft_iron
 from bench.reproduction.result import PaperFigure, Published
 from bench.reproduction.setup import Setup
 from bench.reproduction.turns import calibration_data, error_deg, largest, turn

@@ -39,7 +39,7 @@ def reproduce(open_laboratory: OpenLaboratory) -> Reproduction:
         paper="cho_park",
         title=TITLE,
         numbers=numbers_of(found, spread),
-        figures=[*_dip_figures(found, spread), *_turn_figures(found)],
+        figures=[*_dip_figures(found), *_sweep_figures(found, spread), *_turn_figures(found)],
         remarks=_remarks(found),
     )
 
@@ -66,7 +66,7 @@ def _remarks(found: Experiments) -> list[str]:
     ]
 
 
-def _dip_figures(found: Experiments, spread: Spread) -> list[PaperFigure]:
+def _dip_figures(found: Experiments) -> list[PaperFigure]:
     seoul = dips_of_seoul()
     pitch_deg, twist_deg = found.both_sides.pitch_deg, float(found.twist_deg[0])
     return [
@@ -89,6 +89,11 @@ def _dip_figures(found: Experiments, spread: Spread) -> list[PaperFigure]:
             "sides cancel it.",
             draw=lambda: draw_fig_4(found.both_sides, exact_dip_deg(pitch_deg, twist_deg)),
         ),
+    ]
+
+
+def _sweep_figures(found: Experiments, spread: Spread) -> list[PaperFigure]:
+    return [
         PaperFigure(
             name="cho-park-fig-5",
             title="Fig. 5: roll, pitch and calculated dip angle",

@@ -16,9 +16,10 @@ import numpy as np
 from bench.calibration.fit import CalibrationData
 from bench.calibration.min_max import fit_min_max
 from bench.calibration.tilt import ned_from_body, two_axis_attitude_deg
-from bench.calibration.two_axis import extended_dip_batch, printed_extended_dip_deg
+from bench.calibration.two_axis import extended_dip_batch
 from bench.errors import BenchNotReady
 from bench.pose import Attitude
+from bench.reproduction.printed_formulas import printed_extended_dip_deg
 from bench.reproduction.setup import Setup
 
 if TYPE_CHECKING:

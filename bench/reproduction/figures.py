@@ -13,8 +13,6 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import ModuleType
@@ -22,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
 WIDTH_IN: Final = 6.5
 # Colours that the colour-blind tell apart, after Okabe and Ito; the first is the product's.
@@ -245,14 +243,3 @@ def figure_legend(figure: Figure, *axes: Axes, columns: int = 5) -> None:
         for handle, label in zip(*part.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
     figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=columns)
-
-
-def thinned(values: ArrayLike, limit: int = 400) -> NDArray[np.float64]:
-    """Return at most about `limit` of the first axis' values, evenly chosen, first and last kept.
-
-    >>> thinned(range(10), 4).tolist()
-    [0.0, 3.0, 6.0, 9.0]
-    """
-    array = np.asarray(values, dtype=float)
-    kept = np.linspace(0, len(array) - 1, min(limit, len(array))).round().astype(int)
-    return np.asarray(array[kept])

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.calibration.level_kernel import PrintedFormula
 from bench.calibration.min_max import fit_min_max
-from bench.calibration.soft_iron import fit_soft_iron, printed_soft_iron, soft_iron_batch
+from bench.calibration.soft_iron import fit_soft_iron, soft_iron_batch
+from bench.reproduction.printed_formulas import PrintedFormula, printed_soft_iron
 from bench.reproduction.setup import Setup
 from bench.reproduction.skula_turn import (
     FIELD_SD_MG,

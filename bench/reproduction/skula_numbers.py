@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from bench.calibration.four_position import four_position_batch, printed_four_position
+from bench.calibration.four_position import four_position_batch
+from bench.reproduction.printed_formulas import printed_four_position
 from bench.reproduction.result import Published
 from bench.reproduction.skula_routine import BRIDGE_MG
 from bench.reproduction.skula_turn import FIELD_SD_MG, four_of, largest_error_deg

@@ -11,14 +11,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.calibration.four_position import (
-    FourPositionFits,
-    four_position_batch,
-    printed_four_position,
-)
-from bench.calibration.level_kernel import LevelFits, PrintedFormula
+from bench.calibration.four_position import FourPositionFits, four_position_batch
+from bench.calibration.level_kernel import LevelFits
 from bench.calibration.min_max import min_max_batch
 from bench.calibration.tilt import heading_deg
+from bench.reproduction.printed_formulas import PrintedFormula, printed_four_position
 from bench.reproduction.turns import headings, turn
 from protocols.angles import wrap_180_deg
 

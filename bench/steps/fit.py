@@ -43,7 +43,7 @@ TWO_AXIS_NAMES = ("fit_residual", "dip_difference")
 REQUIRED: Final[dict[str, tuple[str, ...]]] = {
     "truth_aided": TRUTH_NAMES,
     "two_axis": TWO_AXIS_NAMES,
-    "two_axis_aided": TWO_AXIS_NAMES,
+    "two_axis_aided": (*TWO_AXIS_NAMES, "field_azimuth_difference"),
 }
 """What each method tells beyond its acceptance and must tell where it is judged."""
 

@@ -207,3 +207,26 @@ def test_a_nonsense_dip_is_refused_by_the_module(make_station):
         assert write(station, replace(WRITTEN, extended_dip_deg=dip_deg)) == b"\x7f\x2e\x31"
     assert station.request(b"\x22\x01\x01") == b"\x7f\x22\x22"
     assert uds.unpack_coefficients(station.request(b"\x22\x01\x00")[3:]) == DEFAULT_COEFFICIENTS
+
+
+@pytest.mark.parametrize("part", ["CB-AMR2", "CB-AMR3"])
+@pytest.mark.parametrize(
+    "beyond",
+    [
+        {"mag_matrix": (3e38, 0.0, 0.0, 0.0, 3e38, 0.0, 0.0, 0.0, 3e38)},
+        {"accel_matrix": (3e38, 0.0, 0.0, 0.0, 3e38, 0.0, 0.0, 0.0, 3e38)},
+        {"mag_offset_mg": (3e38, -3e38, 3e38), "mag_matrix": (9.0,) * 9},
+    ],
+)
+def test_coefficients_whose_products_overflow_leave_a_module_that_still_sends_and_answers(
+    make_station, part, beyond
+):
+    station = make_station(part=part)
+    station.tick(40)
+    sound = WRITTEN if part == "CB-AMR2" else DEFAULT_COEFFICIENTS
+
+    assert write(station, replace(sound, version=1, **beyond))[0] == 0x6E
+
+    assert len(qualities(station)) == 1
+    write(station, replace(sound, version=2))
+    assert qualities(station) == {compass.QUALITY_CALIBRATED}

@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.calibration.compensation import Order
 from bench.calibration.tilt import ned_from_body, tilt_compensated_heading_deg
+from bench.record.document import StudySection
+from protocols.compass import FLAG_TWO_AXIS, PART_TWO_AXIS
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 FIELD_NED_MG = np.array([250.0, 0.0, 433.0])
@@ -43,6 +46,14 @@ def test_the_heading_is_the_level_attitudes_azimuth(row: tuple[tuple[float, ...]
     heading_deg = tilt_compensated_heading_deg(np.array([field_mg]), np.array([force_g]))
 
     assert heading_deg[0] == pytest.approx(attitude[0], abs=1e-9)
+
+
+def test_orders_study_and_two_axes_have_the_names_of_the_code() -> None:
+    text = (DOCS / "conventions.md").read_text()
+
+    assert f"part {PART_TWO_AXIS}, status flag {FLAG_TWO_AXIS:X}h" in text
+    assert all(f"`{order}`" in text for order in Order)
+    assert all(f"\n| `{name}` |" in text for name in StudySection.model_fields)
 
 
 def test_each_decision_has_context_decision_and_consequences() -> None:

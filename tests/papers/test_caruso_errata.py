@@ -15,12 +15,12 @@ import pytest
 
 from bench.calibration.fit import CalibrationData
 from bench.calibration.methods import fit_named
-from bench.calibration.soft_iron import forty_five_soft_iron
 from bench.reproduction.caruso_acceleration import RATE_ONE_BANK_DEG
 from bench.reproduction.caruso_budget import LIMIT_MG, across_deg, root_sum_square
 from bench.reproduction.caruso_iron import ellipse
 from bench.reproduction.caruso_table_1 import expected_swing_deg
 from bench.reproduction.caruso_temperature import SHARE_DEG
+from bench.reproduction.printed_formulas import forty_five_soft_iron
 from protocols.angles import wrap_180_deg
 
 HEADINGS = np.arange(0.0, 360.0, 1.0)

@@ -24,10 +24,10 @@ from bench.calibration.two_axis import (
     CAUSES,
     estimated_z_mg,
     extended_dip_batch,
-    printed_extended_dip_deg,
 )
 from bench.reproduction.cho_park_table import PUBLISHED_MEAN_DEG, PUBLISHED_SD_DEG, SWEEPS
 from bench.reproduction.cho_park_turn import exact_errors_deg, exact_z_error
+from bench.reproduction.printed_formulas import printed_extended_dip_deg
 from protocols.angles import wrap_180_deg
 
 DIP_DEG = 48.72

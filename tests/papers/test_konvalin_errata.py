@@ -17,9 +17,10 @@ import pytest
 
 from bench.calibration.compensation import Order, compensated_heading_deg
 from bench.calibration.fit import CalibrationData, Fit
-from bench.calibration.soft_iron import fit_soft_iron, printed_soft_iron
+from bench.calibration.soft_iron import fit_soft_iron
 from bench.calibration.tilt import heading_deg, ned_from_body
 from bench.reproduction.konvalin_iron import ellipse
+from bench.reproduction.printed_formulas import printed_soft_iron
 from protocols.angles import wrap_180_deg
 
 AZIMUTH = np.arange(0.0, 360.0, 1.0)

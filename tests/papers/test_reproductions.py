@@ -7,6 +7,9 @@ beside other work: hence the timeout too.
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
@@ -44,6 +47,19 @@ def test_no_figure_is_left_over_in_docs() -> None:
 
     assert named == {path.name for path in PAGE.glob("*.svg")}
     assert [entry["paper"] for entry in document["papers"]] == list(PAPERS)
+
+
+def test_a_backend_of_the_environment_that_does_not_exist_is_no_obstacle() -> None:
+    code = "from bench.reproduction.figures import drawing_style, panels, svg_of\n"
+    code += "with drawing_style():\n    print(len(svg_of(panels()[0])))"
+    environment = {**os.environ, "MPLBACKEND": "nonsense"}
+
+    done = subprocess.run(  # noqa: S603 - our own interpreter
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False
+    )
+
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 1000
 
 
 def missed(reproduction: Reproduction) -> list[str]:

@@ -17,9 +17,9 @@ from bench.calibration.fit import CalibrationData
 from bench.calibration.four_position import (
     fit_four_position,
     four_position_batch,
-    printed_four_position,
 )
 from bench.calibration.min_max import min_max_batch
+from bench.reproduction.printed_formulas import printed_four_position
 from bench.reproduction.skula_turn import (
     Turn,
     by_first_position,

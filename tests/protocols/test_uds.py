@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import struct
 import zlib
@@ -132,3 +133,9 @@ def test_key_has_four_bytes_and_follows_the_seed() -> None:
     assert {len(key) for key in keys} == {4}
     # CRC-32 of four zero bytes is 2144DF1Ch
     assert uds.security_key(bytes(4)) == (0x2144DF1C ^ 0x5EC0DE11).to_bytes(4, "big")
+
+
+def test_a_value_beyond_single_precision_is_refused_with_the_value() -> None:
+    beyond = dataclasses.replace(uds.DEFAULT_COEFFICIENTS, mag_offset_mg=(4e38, 0.0, 0.0))
+    with pytest.raises(FrameError, match="single precision; instead received 4e\\+38"):
+        uds.pack_coefficients(beyond)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -12,6 +12,7 @@ import yaml
 from bench.acceptance.outcome import Outcome
 from bench.calibration.methods import METHODS
 from bench.cli.run_command import RunRequest, run_procedure
+from bench.errors import ConfigError
 from bench.procedure_loader import load_procedure, procedure_path
 from bench.rejudge import rejudge
 
@@ -180,6 +181,22 @@ def test_two_axes_are_verified_by_their_own_formula_and_checked_by_the_third(fin
     assert run.value("field_magnitude_difference") < 0.5
 
 
+@pytest.mark.parametrize("wrong_deg", [0.5, -0.5])
+def test_a_station_turned_against_the_rig_is_an_error_of_the_bench_with_two_axes_too(
+    prepare, wrong_deg
+):
+    """Aligned to wrong azimuths x and y agree on every level heading; the tilts show it."""
+    run = prepare("eol_two_axis")
+    run.context.station = replace(run.context.station, field_azimuth_deg=wrong_deg)
+
+    verdict = run.execute()
+
+    first = "field_azimuth_difference"
+    assert (verdict.outcome, verdict.first_failure) == (Outcome.ERROR, first)
+    assert run.value(first) == pytest.approx(0.5, abs=0.1)
+    assert run.context.written is None
+
+
 def test_the_two_axis_unit_does_without_the_accelerometers_z(finished):
     sound, broken = finished("eol_two_axis"), finished("eol_two_axis", "accel_sign_z")
 
@@ -225,14 +242,11 @@ def test_a_study_method_that_refuses_does_not_change_the_verdict(finished, chang
     assert run.record["ranking"][len(run.record["ranking"]) - len(refused) :] == refused
 
 
-def test_positions_that_are_not_square_are_a_measurement_with_the_fits_sentence(finished, changed):
+def test_positions_that_are_not_square_are_the_procedures_fault_and_fail_no_unit(finished, changed):
     rings = [{"count": 1, "first": f"{azimuth} deg"} for azimuth in (0, 90, 180, 250)]
 
-    run = finished(changed("four_position", four_positions={"rings": rings}))
-
-    assert (run.exit_code, run.record["first_failure"]) == (1, "fit_accepted")
-    assert run.value("fit_accepted") == 0.0
-    assert "positions_not_square" in run.record["verdict"]["reason"]
+    with pytest.raises(ConfigError, match=r"poses must suffice.*positions_not_square"):
+        finished(changed("four_position", four_positions={"rings": rings}))
 
 
 def test_a_judged_method_that_is_not_the_best_is_told_and_still_passes(finished, changed):
@@ -259,6 +273,28 @@ def test_a_fit_is_made_again_from_the_readings_that_came_before_it(finished, cha
 
     residuals = [m["value"] for m in run.record["measurements"] if m["name"] == "fit_residual"]
     assert len(set(residuals)) == 2
+    assert rejudge(run.folder).differing == []
+
+
+def test_a_method_that_only_a_later_step_fits_lends_no_tilt_to_an_earlier_comparison(
+    finished, changed
+):
+    tilts = ({"pitch": "20 deg"}, {"pitch": "-20 deg"}, {"roll": "20 deg"}, {"roll": "-20 deg"})
+    rings = [{"count": 4, "first": "20 deg", **tilt} for tilt in ({}, *tilts)]
+    later = ["accelerometer", "four_position"]
+    again = {"kind": "fit", "name": "again", "methods": later, "judged": ["four_position"]}
+    compare = {"kind": "compare", "name": "after", "rings": [{"count": 24, "first": "7.5 deg"}]}
+    path = changed(
+        "four_position",
+        more=(again, compare),
+        four_positions={"rings": rings},
+        fit={"methods": ["min_max", "four_position"]},
+    )
+
+    run = finished(path)
+
+    largest = [m["note"] for m in run.record["measurements"] if m["name"] == "achieved_level_max"]
+    assert [note.rpartition(" ")[2] for note in largest] == ["given", "accelerometer"]
     assert rejudge(run.folder).differing == []
 
 

@@ -96,6 +96,10 @@ def test_level_poses_are_levelled_by_the_rig_where_no_fit_calibrates_the_acceler
     assert borrowed.tilt_from["min_max"] == "accelerometer"
     assert borrowed.orders["min_max"]["body"].level_max_deg < 0.2
     assert study_of({}, readings[:24], site).raw.level_max_deg > 2.0
+    both = {**magnetometer, "accelerometer": tilt}
+    judged = evaluate_comparison("compare", "min_max", both, readings, site)
+    assert judged[0].value == pytest.approx(borrowed.orders["min_max"]["body"].level_max_deg)
+    assert judged[0].note.endswith("tilt accelerometer")
 
 
 def test_ranking_is_by_the_worse_maximum_and_refused_come_last():

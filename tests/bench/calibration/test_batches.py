@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from bench.calibration.bound import Conditions, heading_bound
 from bench.calibration.ellipsoid import fit_ellipsoid
 from bench.calibration.ellipsoid_batch import CAUSES, ellipsoid_batch
 from bench.calibration.fit import CalibrationData, Cause
@@ -15,6 +16,8 @@ from bench.calibration.tilt import ned_from_body
 from bench.calibration.truth_aided import fit_truth_aided
 from bench.calibration.truth_aided_batch import CAUSES as TRUTH_CAUSES
 from bench.calibration.truth_aided_batch import truth_aided_batch
+from bench.calibration.truth_aided_linear import CAUSES as LINEAR_CAUSES
+from bench.calibration.truth_aided_linear import truth_aided_linear
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -172,3 +175,44 @@ def test_level_poses_determine_no_unit(drawn: Callable[..., Any]) -> None:
         station_field_mg=data.station_field_mg,
     )
     assert TRUTH_CAUSES[int(fits.cause)] == Cause.NOT_OBSERVABLE
+
+
+def test_one_matrix_product_fits_all_units_in_a_known_field_as_well_as_the_bound(
+    eol_deg: NDArray[np.float64],
+) -> None:
+    rng = np.random.default_rng(4)
+    gain = np.eye(3) + 0.1 * rng.normal(size=(3, 3))
+    actual_deg = eol_deg + rng.normal(0.0, 0.05, (3000, *eol_deg.shape))
+    axes = ned_from_body(*np.moveaxis(actual_deg, -1, 0))
+    field_mg = np.einsum("bnji,j->bni", axes, STATION) @ gain.T + [180.0, -250.0, 90.0]
+    field_mg += rng.normal(0.0, 0.5, field_mg.shape)
+    noise = {"field_sd_mg": 0.5, "rig_sd_deg": 0.05}
+    fits = truth_aided_linear(eol_deg, field_mg, station_field_mg=STATION, **noise)
+    assert (fits.cause == 0).all()
+    conditions = Conditions(
+        station_field_mg=STATION, accel_sd_g=None, direction_known=True, gain=gain, **noise
+    )
+    bound = heading_bound("truth_aided", eol_deg, conditions).covariance
+    error = np.concatenate(
+        [(np.linalg.inv(fits.matrix) - gain).reshape(-1, 9), fits.offset_mg - [180, -250, 90]],
+        axis=1,
+    )
+    distance = np.einsum("bi,ij,bj->b", error, np.linalg.inv(bound), error) / 12.0
+    assert distance.mean() == pytest.approx(1.0, abs=0.04)
+
+
+def test_units_of_one_matrix_product_are_refused_one_by_one(
+    drawn: Callable[..., Any], eol_deg: NDArray[np.float64]
+) -> None:
+    truth = drawn(1)
+    flat = truth.data.field_mg.copy()
+    flat[:, 1] = flat[:, 0]
+    given = {"field_sd_mg": 0.35, "rig_sd_deg": 0.02, "station_field_mg": STATION}
+    both = np.stack([truth.data.field_mg, flat, truth.data.field_mg[::-1]])
+    fits = truth_aided_linear(eol_deg, both, **given)
+    found = [LINEAR_CAUSES[code] for code in fits.cause]
+    assert found == [None, Cause.DEGENERATE, Cause.RESIDUAL_TOO_LARGE]
+    assert (fits.matrix[1:] == np.eye(3)).all()
+    level = eol_deg[:, 1:].any(axis=1) == np.False_
+    fits = truth_aided_linear(eol_deg[level], both[:, level], **given)
+    assert {LINEAR_CAUSES[code] for code in fits.cause} == {Cause.NOT_OBSERVABLE}

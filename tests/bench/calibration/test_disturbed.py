@@ -1,13 +1,18 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from bench.calibration.disturbed import disturbed_poses
+from bench.calibration.sphere_model import sphere_rows
+from bench.calibration.truth_model import rig_poses
+from bench.calibration.truth_solver import solved, started, whitened
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
 
@@ -82,3 +87,28 @@ def test_too_few_degrees_of_freedom_name_nothing() -> None:
     noise, jacobian = linear(1, poses=8, equations=2, unknowns=13)
     noise[2] += 100.0
     assert disturbed_poses(fitted(noise, jacobian), jacobian) == ()
+
+
+def test_a_disturbed_pose_of_the_truth_aided_fit_is_named(
+    drawn: Callable[..., Any], eol_deg: NDArray[np.float64]
+) -> None:
+    data = drawn(3).data
+    field_mg = data.field_mg.copy()
+    field_mg[30] += [4.0, -3.0, 2.0]
+    poses = rig_poses(*eol_deg.T)
+    noise = {"field_sd_mg": data.field_sd_mg, "accel_sd_g": data.accel_sd_g}
+    start = started(poses, field_mg, data.accel_g, station_field_mg=data.station_field_mg, **noise)
+    residual, jacobian = whitened(solved(start, poses, data.rig_sd_deg), poses, data.rig_sd_deg)
+    found = disturbed_poses(residual.reshape(72, 6), jacobian.reshape(72, 6, -1))
+    assert [one.pose for one in found] == [30]
+
+
+def test_a_disturbed_pose_of_the_ellipsoid_is_named() -> None:
+    rng = np.random.default_rng(5)
+    turned = rng.normal(size=(40, 3))
+    points = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    points += 0.002 * rng.normal(size=(40, 3))
+    points[11] *= 1.05
+    residual, jacobian = sphere_rows(np.eye(3)[None], np.zeros((1, 3)), points[None], np.ones(1))
+    found = disturbed_poses(residual[0][:, None], jacobian[0][:, None])
+    assert [one.pose for one in found] == [11]

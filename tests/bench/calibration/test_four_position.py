@@ -9,10 +9,10 @@ from bench.calibration.fit import CalibrationData, Cause
 from bench.calibration.four_position import (
     fit_four_position,
     four_position_batch,
-    printed_four_position,
 )
 from bench.calibration.level_kernel import CAUSES
 from bench.calibration.ranking import heading_error
+from bench.reproduction.printed_formulas import printed_four_position
 from protocols.angles import wrap_180_deg
 
 QUARTERS = np.arange(0.0, 360.0, 90.0)

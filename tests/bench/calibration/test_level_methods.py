@@ -12,6 +12,7 @@ import pytest
 from bench.calibration.fit import CalibrationData, Cause
 from bench.calibration.four_position import fit_four_position, four_position_batch
 from bench.calibration.level_kernel import CAUSES
+from bench.calibration.level_turn import amplitude_slopes
 from bench.calibration.min_max import fit_min_max, min_max_batch
 from bench.calibration.ranking import heading_error
 from bench.calibration.soft_iron import fit_soft_iron, soft_iron_batch
@@ -252,3 +253,12 @@ def test_tilted_rows_do_not_count(method: str, drawn: Callable[..., object]) -> 
     assert level.samples == {"four_position": 4, "three_headings": 3}.get(method, 48)
     tilted = replace(data, pitch_deg=np.full(72, 20.0))
     assert METHODS[method][0](tilted).cause == Cause.TOO_FEW
+
+
+def test_slopes_of_the_amplitude_matrix_are_its_derivatives() -> None:
+    amplitude, step = np.array([[220.0, 280.0], [250.0, 240.0]]), np.diag([1e-3, 1e-3])
+    slopes = amplitude_slopes(np.eye(2) * (250.0 / amplitude)[:, None, :], amplitude)
+    assert not slopes[:, :2].any()
+    for axis in range(2):
+        high, low = (np.eye(2) * (250.0 / (amplitude + s * step[axis]))[:, None] for s in (1, -1))
+        assert slopes[:, 2 + axis] == pytest.approx((high - low) / 2e-3, rel=1e-6)

@@ -9,10 +9,9 @@ from bench.calibration.fit import CalibrationData, Cause
 from bench.calibration.level_kernel import CAUSES
 from bench.calibration.soft_iron import (
     fit_soft_iron,
-    forty_five_soft_iron,
-    printed_soft_iron,
     soft_iron_batch,
 )
+from bench.reproduction.printed_formulas import forty_five_soft_iron, printed_soft_iron
 from protocols.angles import wrap_180_deg
 
 TURN = np.arange(0.0, 360.0, 1.0)

@@ -251,6 +251,23 @@ def test_many_disturbed_poses_are_refused_by_name() -> None:
     assert "of 36 poses contradict the others (0 by" in fit.message
 
 
+@pytest.mark.parametrize("shape", ["drift", "jump"])
+def test_a_field_that_changes_over_the_run_is_refused_or_in_the_prediction(shape: str) -> None:
+    angles = poses_deg()
+    data = data_of(angles)
+    time = np.linspace(0.0, 1.0, 36)[:, None]
+    change = (time if shape == "drift" else (time > 0.5) * 0.5) * [1.0, -0.6, 0.8]
+    small = fit_tilt_aided(replace(data, field_mg=data.field_mg + 8.0 * change))
+    assert small.extra["drift_deg"] > 0.05
+    plain = fit_tilt_aided(data)
+    assert plain.extra["drift_deg"] == 0.0
+    assert plain.extra["residual_correlation"] == 0.0
+    grown = small.predicted_heading_rms_deg / plain.predicted_heading_rms_deg
+    assert grown > np.sqrt(small.chi2_reduced)
+    large = fit_tilt_aided(replace(data, field_mg=data.field_mg + 100.0 * change))
+    assert large.cause in {Cause.FIELD_DISTURBED, Cause.RESIDUAL_TOO_LARGE}
+
+
 @pytest.mark.parametrize("scale", [1.0, 10.0, 60.0])
 def test_no_draw_gives_a_value_that_is_not_finite_or_a_mirror_image(scale: float) -> None:
     for count, tilt in ((8, 10.0), (9, 30.0), (12, 5.0), (12, 90.0)):

@@ -14,8 +14,8 @@ from bench.calibration.two_axis import (
     _identity,
     estimated_z_mg,
     extended_dip_batch,
-    printed_extended_dip_deg,
 )
+from bench.reproduction.printed_formulas import printed_extended_dip_deg
 
 DIP_DEG = 48.72
 

@@ -13,7 +13,8 @@ from bench.calibration.compensation import compensated_heading_deg
 from bench.calibration.fit import CalibrationData, Cause, Fit
 from bench.calibration.ranking import heading_errors_deg
 from bench.calibration.tilt import ned_from_body
-from bench.calibration.two_axis_fit import fit_two_axis, fit_two_axis_aided, two_axis_batch
+from bench.calibration.two_axis_batch import two_axis_batch
+from bench.calibration.two_axis_fit import fit_two_axis, fit_two_axis_aided
 from protocols.angles import wrap_180_deg
 
 HORIZONTAL_MG = 250.0

@@ -58,6 +58,10 @@ def test_a_whole_run_fits_the_json_schema(record):
         (lambda r: r["measurements"][0].update(outcome="GOOD"), "measurements.0.outcome"),
         (lambda r: r["measurements"][0].update(value=float("nan")), "measurements.0.value"),
         (lambda r: r["fits"][0].update(offset_mg=[1.0, 2.0]), "fits.0.offset_mg"),
+        (lambda r: r["fits"][0].update(offset_mg=None), "fits.0: .*must have offset_mg"),
+        (lambda r: r["fits"][0].update(extended_dip_deg="60"), "fits.0.extended_dip_deg"),
+        (lambda r: r["fits"][0].update(extended_dip_deg=90.0), "fits.0.*: .*less than 90"),
+        (lambda r: r["fits"][0].update(extended_dip_deg=60.0, extra={}), "fits.0: .*horizontal_mg"),
     ],
 )
 def test_what_does_not_fit_is_named(record, change, where):

@@ -141,6 +141,8 @@ def test_who_lends_the_tilt_is_told_in_words():
     }
 
     assert [row.tilt_from for row in method_rows(record)] == ["accelerometer", "the rig"]
+    record["study"]["raw"] = {"level_max_deg": 30.0}
+    assert [row.tilt_from for row in method_rows(record)] == ["the rig", "accelerometer", "the rig"]
     assert method_rows({"fits": [entry("min_max")]})[0].tilt_from == "raw"
 
 
