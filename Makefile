@@ -14,7 +14,7 @@ unexport PYTHONPATH PYTHONHOME PIP_USER PIP_TARGET
 export PYTHONNOUSERSITE := 1
 
 .DELETE_ON_ERROR:
-.PHONY: run test lint types check vcan good-units benchmark papers lock generated compiled clean FORCE
+.PHONY: run test lint types check vcan good-units benchmark peers papers lock generated compiled clean FORCE
 
 run: $(VENV)/runtime.ok compiled
 	$(BIN)/compass-bench run eol_three_axis --serial SN0001 --out runs
@@ -42,6 +42,12 @@ benchmark: $(VENV)/dev.ok compiled
 	$(BIN)/python benchmarks/ticks.py
 	$(BIN)/python benchmarks/dashboard.py
 	$(BIN)/python benchmarks/fits.py
+	$(BIN)/python benchmarks/estimators.py
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/poses.py
+
+# Public packages on the same readings, each in an environment of its own under build/peers/.
+peers: $(VENV)/runtime.ok compiled
+	$(BIN)/python benchmarks/peers.py
 
 # The page of the reproduced papers.
 papers: $(VENV)/runtime.ok compiled

@@ -173,7 +173,12 @@ def predictions(
     import numpy as np
 
     from bench.acceptance.site import field_rig_mg
-    from bench.calibration.fit import CalibrationData
+    from bench.calibration.fit import (
+        POSE_ACCEL_SD_G,
+        POSE_FIELD_SD_MG,
+        POSE_RIG_SD_DEG,
+        CalibrationData,
+    )
     from bench.calibration.planned_poses import predict
 
     attitudes = calibration_attitudes(procedure)
@@ -183,6 +188,9 @@ def predictions(
         field_mg=np.zeros((len(attitudes), 3)),
         accel_g=np.zeros((len(attitudes), 3)),
         offset_mg=np.zeros((len(attitudes), 3)),
+        field_sd_mg=POSE_FIELD_SD_MG,
+        accel_sd_g=POSE_ACCEL_SD_G,
+        rig_sd_deg=POSE_RIG_SD_DEG,
         station_field_mg=field_rig_mg(station),
     )
     methods = dict.fromkeys(

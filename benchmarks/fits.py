@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from bench.calibration.ellipsoid_batch import ellipsoid_batch
 from bench.calibration.fit import CalibrationData
 from bench.calibration.four_position import four_position_batch
 from bench.calibration.methods import METHODS
@@ -30,6 +31,8 @@ from bench.calibration.set_reset import set_reset_batch
 from bench.calibration.soft_iron import soft_iron_batch
 from bench.calibration.three_headings import three_headings_batch
 from bench.calibration.tilt import ned_from_body
+from bench.calibration.tilt_aided_batch import tilt_aided_batch
+from bench.calibration.truth_aided_batch import truth_aided_batch
 from bench.calibration.two_axis_batch import two_axis_batch
 
 if TYPE_CHECKING:
@@ -42,6 +45,7 @@ TILT_DEG: Final = 30.0
 STATION_MG: Final = 250.0 * np.array([1.0, 0.0, np.tan(np.deg2rad(60.0))])
 FIELD_SD_MG: Final = 0.35
 ACCEL_SD_G: Final = 0.0005
+RIG_SD_DEG: Final = 0.02
 HK_MG: Final = 8000.0
 SINGLE_S: Final = 0.4
 LOOPED_UNITS: Final = 300
@@ -67,6 +71,7 @@ class Units:
             roll_deg=roll_deg,
             field_sd_mg=FIELD_SD_MG,
             accel_sd_g=ACCEL_SD_G,
+            rig_sd_deg=RIG_SD_DEG,
             offset_mg=self.offset_mg[unit],
             station_field_mg=STATION_MG,
         )
@@ -125,16 +130,24 @@ def kernels(units: Units) -> dict[str, Callable[[slice | int], object]]:
     tilted_deg = units.angles_deg[LEVEL:].T
     quarters_mg, thirds_mg = level_mg[:, :: LEVEL // 4], level_mg[:, :: LEVEL // 3]
     thirds_deg = azimuth_deg[:: LEVEL // 3]
-    sd_mg = FIELD_SD_MG
+    sd_mg, station = FIELD_SD_MG, {"station_field_mg": STATION_MG}
+    rig = {"field_sd_mg": sd_mg, "accel_sd_g": ACCEL_SD_G, "rig_sd_deg": RIG_SD_DEG}
     return {
         "set_reset": lambda of: set_reset_batch(units.field_mg[of], units.offset_mg[of]),
         "min_max": lambda of: min_max_batch(level_mg[of], sd_mg),
         "four_position": lambda of: four_position_batch(quarters_mg[of], sd_mg),
         "soft_iron": lambda of: soft_iron_batch(level_mg[of], sd_mg),
         "three_headings": lambda of: three_headings_batch(thirds_mg[of], thirds_deg, sd_mg),
+        "ellipsoid": lambda of: ellipsoid_batch(units.field_mg[of], sd_mg, **station),
+        "tilt_aided": lambda of: tilt_aided_batch(
+            units.field_mg[of], units.accel_g[of], sd_mg, ACCEL_SD_G, **station
+        ),
         "two_axis": lambda of: two_axis_batch(level_mg[of], None, tilted_mg[of], *tilted_deg),
         "two_axis_aided": lambda of: two_axis_batch(
             level_mg[of], azimuth_deg, tilted_mg[of], *tilted_deg
+        ),
+        "truth_aided": lambda of: truth_aided_batch(
+            units.angles_deg, units.field_mg[of], units.accel_g[of], **rig, **station
         ),
     }
 

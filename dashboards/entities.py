@@ -73,6 +73,7 @@ METHOD_COLOURS: Final[dict[str, Colour]] = {
     "soft_iron": (220, 200, 120),
     "three_headings": (26, 188, 156),
     "ellipsoid": BLUE,
+    "tilt_aided": (120, 200, 240),
     "accelerometer": GREY,
     "two_axis": VIOLET,
     "two_axis_aided": (200, 150, 220),

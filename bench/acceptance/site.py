@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from bench.calibration.fit import CalibrationData
+from bench.calibration.fit import (
+    POSE_ACCEL_SD_G,
+    POSE_FIELD_SD_MG,
+    POSE_RIG_SD_DEG,
+    CalibrationData,
+)
 from bench.calibration.ranking import LEVEL_DEG
 from bench.calibration.tilt import ned_from_body
 from bench.samples import MOVING
@@ -101,9 +106,9 @@ def calibration_data(
     readings: NDArray[np.void],
     site: SiteField,
     *,
-    field_sd_mg: float = 0.35,
-    accel_sd_g: float = 0.0004,
-    rig_sd_deg: float = 0.02,
+    field_sd_mg: float = POSE_FIELD_SD_MG,
+    accel_sd_g: float = POSE_ACCEL_SD_G,
+    rig_sd_deg: float = POSE_RIG_SD_DEG,
     with_acceleration: bool = True,
     paired: bool = True,
 ) -> CalibrationData:
@@ -111,8 +116,6 @@ def calibration_data(
 
     `paired` is False where set and reset readings were made from one recorded value.
     The run's fit step and `judge` both call it, so that they fit the same numbers.
-    Defaults: 0.32 mG repeatability of a pose and the mean of 50 noise samples; 2 mg over the
-    root of 50 samples and 0.3 mg of wander of the accelerometer; 0.02 deg of encoder error.
     The encoder's error is the same whenever an angle comes back: the coefficients take up a
     part of it, so that chi2_reduced of good units is 0.4 to 0.8.
     """

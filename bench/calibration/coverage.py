@@ -13,7 +13,12 @@ COVERED_WITHIN_DEG: Final = 20.0
 _POINTS: Final = 400
 
 
-def _sphere_points(count: int) -> NDArray[np.float64]:
+def sphere_points(count: int) -> NDArray[np.float64]:
+    """Return directions, shape (count, 3), evenly spread along a spiral of equal areas.
+
+    >>> bool(np.allclose(np.linalg.norm(sphere_points(50), axis=1), 1.0))
+    True
+    """
     index = np.arange(count) + 0.5
     height = 1.0 - 2.0 * index / count
     radius = np.sqrt(1.0 - height**2)
@@ -31,14 +36,14 @@ def sphere_coverage(vectors: NDArray[np.float64]) -> float:
 
     Examples
     --------
-    >>> sphere_coverage(_sphere_points(200))
+    >>> sphere_coverage(sphere_points(200))
     1.0
     >>> round(sphere_coverage(np.array([[0.0, 0.0, 1.0]])), 2)  # (1 - cos 20 deg)/2
     0.03
     """
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     directions = vectors / np.where(lengths > 0.0, lengths, 1.0)
-    points = _sphere_points(_POINTS)
+    points = sphere_points(_POINTS)
     closest = np.full(_POINTS, -1.0)
     for start in range(0, len(directions), 2000):
         block = points @ directions[start : start + 2000].T

@@ -27,6 +27,8 @@ LEVEL: Final = 0.001
 """Chance to name any pose of an undisturbed run."""
 LARGEST_SHARE: Final = 0.25
 LARGEST_COUNT: Final = 12
+LARGEST_LEFT_OUT: Final = 6
+"""One disturbed pose in so many can be left out; more were not of one field."""
 SMALLEST_DOF: Final = 3
 """Degrees of freedom that the undisturbed poses must keep."""
 SMALLEST_FREEDOM: Final = 1e-6
@@ -103,6 +105,30 @@ def disturbed_poses(
         if chance * (kept.sum() + 1) < level:
             named = len(candidates)
     return _confirmed(residual, jacobian, candidates[:named], level)
+
+
+def too_many(found: Sequence[Disturbance], count: int) -> bool:
+    """Return whether so many of `count` poses are disturbed that the rest cannot be trusted.
+
+    More than one in six, or as many as the search names at most: there may be others.
+    """
+    return len(found) * LARGEST_LEFT_OUT > count or len(found) >= LARGEST_COUNT
+
+
+def named(found: Sequence[Disturbance]) -> str:
+    """Return the first eight poses by row and size, for a message.
+
+    >>> named([Disturbance(pose=3, sigmas=9.2, significance=0.0)])
+    '3 by 9 sigma'
+    """
+    words = [f"{one.pose} by {one.sigmas:.0f} sigma" for one in found[:8]]
+    return ", ".join(words) + (", ..." if len(found) > len(words) else "")
+
+
+def left_out(found: Sequence[Disturbance]) -> dict[str, float]:
+    """Return the number of disturbed poses and the size of each, as a fit's `extra` holds them."""
+    sizes = {f"disturbed_{one.pose}_sigmas": one.sigmas for one in found}
+    return {"disturbed_poses": float(len(found)), **sizes}
 
 
 def _refit(

@@ -1,7 +1,14 @@
 """Offset and symmetric matrix of many units from the magnetometer alone, without a loop over them.
 
-Taubin's ellipsoid as the start and the Sampson distance with its weight differentiated, as in
-`bench.calibration.ellipsoid`; here with analytic derivatives.
+Start: Taubin's algebraic ellipsoid (one generalised eigenvalue problem), which is nearly
+unbiased in noise. End: Levenberg-Marquardt on the Sampson distance, the first-order maximum
+likelihood, with the gradient weight differentiated too and analytic derivatives; a radial cost
+instead is biased by noise and has a spurious minimum where the ellipsoid becomes a plane.
+
+References
+----------
+.. [1] G. Taubin, IEEE Trans. Pattern Analysis 13(11), 1991.
+.. [2] P. D. Sampson, Computer Graphics and Image Processing 18, 1982.
 """
 
 from __future__ import annotations
@@ -10,16 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.calibration.coverage import COVERED_WITHIN_DEG, _sphere_points
-from bench.calibration.ellipsoid import (
-    DISTURBED_COVERAGE,
-    DISTURBED_SPREAD,
-    FLAT,
-    LARGEST_AXIS_RATIO,
-    LARGEST_PREDICTED_DEG,
-    LARGEST_RESIDUAL,
-    SMALLEST,
-)
+from bench.calibration.coverage import COVERED_WITHIN_DEG, sphere_points
 from bench.calibration.fit import Cause
 from bench.calibration.grid_error import correction_rows, grid_axes, grid_field, predicted_deg
 from bench.calibration.least_squares import Inverse, Minimum, Rows, inverted, minimised
@@ -37,12 +35,28 @@ from bench.calibration.sphere_model import (
     sphere_rows,
     symmetric,
 )
-from bench.calibration.taubin import Normalised, TaubinStarts, normalised, taubin_batch
+from bench.calibration.taubin import (
+    LARGEST_AXIS_RATIO,
+    Normalised,
+    TaubinStarts,
+    normalised,
+    taubin_batch,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 UNKNOWNS: Final = 9
+SMALLEST: Final = 9
+FLAT: Final = 0.03
+"""Smallest to largest extent of the readings below which they lie in a plane."""
+LARGEST_RESIDUAL: Final = 0.10
+LARGEST_PREDICTED_DEG: Final = 3.0
+DISTURBED_COVERAGE: Final = 0.6
+"""Readings all round that still fit no ellipsoid were not of one field."""
+DISTURBED_SPREAD: Final = 0.25
+DEFAULT_SINE: Final = float(np.sin(np.deg2rad(60.0)))
+"""Sine of the dip that predictions assume where the station's is not given."""
 BLOCK: Final = 512
 """Units at a time, so that their derivatives stay in the processor's cache."""
 DIRECTIONS: Final = 400
@@ -95,7 +109,7 @@ def ellipsoid_batch(
 
     Notes
     -----
-    Unlike `fit_ellipsoid` the predictions do not take the dip from an accelerometer.
+    The predictions do not take the dip from an accelerometer; `predicted_at` does.
     """
     readings = require_vectors("field_mg", field_mg)
     units = readings.reshape(-1, *readings.shape[-2:])
@@ -183,20 +197,28 @@ def _growth(rows: Rows, best: Minimum, units: NDArray[np.intp]) -> NDArray[np.fl
     def predicted(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         jacobian = rows(parameters, units)[1]
         covariance = inverted(np.swapaxes(jacobian, 1, 2) @ jacobian).covariance
-        sine = np.full(len(units), np.sin(np.deg2rad(60.0)))
-        return _predicted(np.ones(len(units)), sine, symmetric(parameters[:, :6]), covariance)[0]
+        strength, sine = np.ones(len(units)), np.full(len(units), DEFAULT_SINE)
+        return predicted_at(strength, sine, symmetric(parameters[:, :6]), covariance)[0]
 
     here = predicted(best.parameters[units])
     beside = [predicted(best.parameters[units] + sign * shift) for sign in (1.0, -1.0)]
     return np.asarray((np.maximum(*beside) / here) ** PESSIMISM)
 
 
-def _predicted(
+def predicted_at(
     strength: NDArray[np.float64],
     sine: NDArray[np.float64],
     matrix: NDArray[np.float64],
     covariance: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return predicted RMS and maximum (deg), shape (b,), in a field of a strength and dip.
+
+    Parameters
+    ----------
+    strength, sine : ndarray, shape (b,)
+        Field strength and sine of the dip.
+    matrix, covariance : ndarray, shape (b, 3, 3) and (b, 9, 9)
+    """
     rows = correction_rows(*grid_field(grid_axes(), strength, sine), matrix)
     rows = np.concatenate([folded(rows[..., :9]), rows[..., 9:]], axis=-1)
     return predicted_deg(rows, covariance)
@@ -208,7 +230,7 @@ def _all_round(cloud: Normalised, asked: NDArray[np.bool_]) -> NDArray[np.bool_]
     units = np.flatnonzero(asked & (spread > DISTURBED_SPREAD))
     lengths = np.linalg.norm(cloud.points[units], axis=-1, keepdims=True)
     directions = cloud.points[units] / np.where(lengths > 0.0, lengths, 1.0)
-    near = (_sphere_points(DIRECTIONS) @ np.swapaxes(directions, 1, 2)).max(axis=-1)
+    near = (sphere_points(DIRECTIONS) @ np.swapaxes(directions, 1, 2)).max(axis=-1)
     found = np.zeros(len(asked), dtype=bool)
     found[units] = (near >= np.cos(np.deg2rad(COVERED_WITHIN_DEG))).mean(axis=-1) > (
         DISTURBED_COVERAGE
@@ -227,7 +249,7 @@ def _in_mg(
 ) -> SphereFits:
     count = cloud.points.shape[1]
     strength = cloud.scale_mg / determinant
-    sine = np.full(len(strength), np.sin(np.deg2rad(60.0)))
+    sine = np.full(len(strength), DEFAULT_SINE)
     if station_mg is not None:
         strength = np.full(len(strength), float(np.linalg.norm(station_mg)))
         sine = np.full(len(strength), float(station_mg[2]) / strength[0])
@@ -238,7 +260,7 @@ def _in_mg(
     units = np.repeat(np.stack([factor, cloud.scale_mg], axis=1), [6, 3], axis=1)
     covariance = found.covariance * units[:, :, None] * units[:, None, :]
     covariance = covariance * np.maximum(chi2, 1.0)[:, None, None]
-    rms_deg, max_deg = _predicted(strength, sine, matrix, covariance)
+    rms_deg, max_deg = predicted_at(strength, sine, matrix, covariance)
     return SphereFits(
         offset_mg=cloud.centre_mg + cloud.scale_mg[:, None] * best.parameters[:, 6:],
         matrix=matrix,

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+POSE_FIELD_SD_MG: Final = 0.35
+"""Field of one pose: 0.32 mG of repeatability and the mean of 50 noise samples."""
+POSE_ACCEL_SD_G: Final = 0.0004
+"""Force of one pose: 2 mg over the root of 50 samples, and 0.3 mg of wander."""
+POSE_RIG_SD_DEG: Final = 0.02
+"""Encoder error of each angle of a pose."""
 
 
 class Cause(StrEnum):
@@ -88,6 +95,9 @@ class Fit:
     ----------
     covariance : ndarray, shape (p, p), or None
         Covariance of the parameters in the order of `parameters`.
+    accel_from : str
+        Method whose accelerometer coefficients the fit took, "raw" if it took the raw force;
+        empty where they are its own or where it has none.
     extended_dip_deg : float or None
         Cho & Park's extended dip angle, of a fit for two axes: z is then not read but estimated
         from the attitude, this angle and `extra["horizontal_mg"]`, and pitch and roll come from
@@ -109,6 +119,7 @@ class Fit:
     matrix: NDArray[np.float64] | None = None
     accel_offset_g: NDArray[np.float64] | None = None
     accel_matrix: NDArray[np.float64] | None = None
+    accel_from: str = ""
     field_mg: float | None = None
     dip_deg: float | None = None
     extended_dip_deg: float | None = None

@@ -11,6 +11,7 @@ MethodName = Literal[
     "soft_iron",
     "three_headings",
     "ellipsoid",
+    "tilt_aided",
     "accelerometer",
     "two_axis",
     "two_axis_aided",

@@ -14,6 +14,7 @@ from bench.calibration.min_max import fit_min_max
 from bench.calibration.set_reset import fit_set_reset
 from bench.calibration.soft_iron import fit_soft_iron
 from bench.calibration.three_headings import fit_three_headings
+from bench.calibration.tilt_aided import fit_tilt_aided
 from bench.calibration.truth_aided import fit_truth_aided
 from bench.calibration.two_axis_fit import fit_two_axis, fit_two_axis_aided
 
@@ -31,6 +32,7 @@ METHODS: Final[dict[str, Callable[[CalibrationData], Fit]]] = {
     "soft_iron": fit_soft_iron,
     "three_headings": fit_three_headings,
     "ellipsoid": fit_ellipsoid,
+    "tilt_aided": fit_tilt_aided,
     "accelerometer": fit_accelerometer,
     "two_axis": fit_two_axis,
     "two_axis_aided": fit_two_axis_aided,

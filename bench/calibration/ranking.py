@@ -2,7 +2,8 @@
 
 The tilt of a method without accelerometer coefficients comes from the accepted `accelerometer`
 fit, else from `truth_aided`, else it is raw; raw readings keep the raw tilt. So the table compares
-magnetometer methods under the same tilt, and `tilt_from` says whose it is.
+magnetometer methods under the same tilt, and `tilt_from` says whose it is. `tilt_aided` keeps the
+tilt against which it was fitted.
 """
 
 from __future__ import annotations
@@ -152,6 +153,8 @@ def borrowed_tilt(
         return GIVEN, None
     if fit is None:
         return RAW, None
+    if fit.accel_from:
+        return fit.accel_from, None
     if fit.accel_matrix is not None:
         return OWN, None
     for name in TILT_METHODS:

@@ -14,13 +14,19 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.calibration.coverage import _sphere_points
-from bench.calibration.ellipsoid import LARGEST_AXIS_RATIO, SECOND_QUADRIC, SMALLEST_SECOND
+from bench.calibration.coverage import sphere_points
 from bench.calibration.sphere_model import symmetric
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+LARGEST_AXIS_RATIO: Final = 5.0
+SECOND_QUADRIC: Final = 9.0
+"""Mean square distance of the second best quadric over that of the best, below which the noise
+picks between them: two rings of one axis lie on a whole family of ellipsoids. Poses that tilt in
+pitch and in roll have thousands."""
+SMALLEST_SECOND: Final = 1e-8
+"""The same in squares of the readings' extent, for readings without noise."""
 LARGEST_MG: Final = 1e7
 """No magnetometer reads more; beyond it squares of readings would overflow."""
 SMALLEST_DETERMINANT: Final = 1e-12
@@ -45,7 +51,11 @@ class Normalised:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TaubinStarts:
-    """Taubin's ellipsoids |M (x - c)| = 1 of normalised readings; 1 and 0 where there is none."""
+    """Taubin's ellipsoids |M (x - c)| = 1 of normalised readings; 1 and 0 where there is none.
+
+    `told_apart`: one quadric fits clearly better than all others. Where it does not, the
+    linearised covariance of any fit is worth nothing.
+    """
 
     matrix: NDArray[np.float64]
     centre: NDArray[np.float64]
@@ -73,7 +83,7 @@ def normalised(field_mg: NDArray[np.float64]) -> Normalised:
     ratio = np.where(still, 0.0, ratio)
     usable = ~still & (ratio > SMALLEST_EXTENT)
     return Normalised(
-        points=np.where(usable[:, None, None], points, _sphere_points(count)),
+        points=np.where(usable[:, None, None], points, sphere_points(count)),
         centre_mg=centre_mg,
         scale_mg=scale_mg,
         extent_ratio=ratio,
@@ -86,6 +96,14 @@ def taubin_batch(points: NDArray[np.float64]) -> TaubinStarts:
     """Return Taubin's ellipsoids [1]_ of normalised points, shape (b, n, 3).
 
     The points must be centred: terms of first order in the gradients' moments are then zero.
+
+    Examples
+    --------
+    >>> corners = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, 1.0]])
+    >>> points = np.vstack([np.eye(3), -np.eye(3), corners / 3**0.5, -corners / 3**0.5])
+    >>> starts = taubin_batch(points[None])
+    >>> bool(np.allclose(starts.matrix, np.eye(3))), bool(np.allclose(starts.centre, 0.0))
+    (True, True)
     """
     x, y, z = np.moveaxis(points, -1, 0)
     squares = [x * x, y * y, z * z, 2.0 * x * y, 2.0 * x * z, 2.0 * y * z]

@@ -1,9 +1,12 @@
-"""Magnetometer and accelerometer alone, without the rig's angles: matrix, offset and dip.
+"""Magnetometer against the accelerometer alone: matrix, offset and dip.
 
 The accelerometer says where down is; the angle between down and the field is the same in every
 pose. This makes the rotation from magnetometer to accelerometer observable, which the
 magnetometer alone leaves open. It needs poses tilted in pitch and in roll: about one axis alone
 a mirror image fits as well, with the dip's sign turned.
+
+The rig's angles, where they are known, only correct the force (`bench.calibration.tilt_force`).
+A force that stays raw is not taken for exact: what it may be off is in covariance and prediction.
 
 Poses that contradict all others are named and left out; they are never only weighted down.
 
@@ -20,7 +23,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bench.calibration.coverage import sphere_coverage
-from bench.calibration.disturbed import Disturbance, disturbed_poses
+from bench.calibration.disturbed import (
+    Disturbance,
+    disturbed_poses,
+    left_out,
+    named,
+    too_many,
+)
 from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
 from bench.calibration.saturation import saturated_axis
 from bench.calibration.tilt_aided_batch import (
@@ -31,17 +40,29 @@ from bench.calibration.tilt_aided_batch import (
     TiltAidedFits,
     tilt_aided_batch,
 )
+from bench.calibration.tilt_force import (
+    RAW_BIAS_SD_G,
+    Force,
+    ForceCost,
+    force_cost,
+    force_of,
+)
 from bench.calibration.tilt_readings import UNKNOWNS, readings_of, tilt_minimum
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 METHOD: Final = "tilt_aided"
-LARGEST_SHARE: Final = 6
-"""One disturbed pose in so many can be left out; more were not of one field."""
 MOST_POSES: Final = 500
 """Longer recordings are not of poses: single rows are then not tested."""
 ROUNDS: Final = 5
+NO_POSE_S_FAULT: Final = (
+    Cause.NO_TURN,
+    Cause.NO_ACCELERATION,
+    Cause.TILT_TOO_SMALL,
+    Cause.SATURATED,
+)
+"""Causes that no disturbed pose brings about, and that none is looked for."""
 _ELEMENTS: Final = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
 PARAMETERS: Final = (
     *(f"matrix_{element}" for element in _ELEMENTS),
@@ -56,12 +77,15 @@ def fit_tilt_aided(data: CalibrationData) -> Fit:
     Parameters
     ----------
     data : CalibrationData
-        Needs `accel_g`, raw or corrected: the matrix takes the magnetometer to *its* axes. The
-        strength is the station's, or without one that of a matrix of determinant one.
+        Needs `accel_g`. Where the `accelerometer` fit of the same readings accepts, its
+        coefficients correct the force and go along with the fit; else the force stays raw, and
+        the matrix takes the magnetometer to *its* axes. The strength is the station's, or
+        without one that of a matrix of determinant one.
 
     Returns
     -------
     Fit
+        `accel_from` says whose accelerometer coefficients it took: ``accelerometer`` or ``raw``.
         `extra` holds ``dip_deg_sd``, ``misalignment_deg`` (rotation from the magnetometer's to
         the accelerometer's axes), ``residual_correlation`` (from pose to pose; 0 if it is
         noise's), ``drift_deg`` (change of the heading if field and offset are let drift over
@@ -78,63 +102,74 @@ def fit_tilt_aided(data: CalibrationData) -> Fit:
             f"the tilt-aided fit needs at least {SMALLEST} poses; instead received {len(data)}"
         )
         return refusal(METHOD, Cause.TOO_FEW, message, data)
+    return fit_with_force(data, force_of(data, data.accel_g))
+
+
+def fit_with_force(data: CalibrationData, force: Force) -> Fit:
+    """Fit at least 8 poses against a force of known uncertainty; see `fit_tilt_aided`."""
     kept = np.ones(len(data), dtype=bool)
     found: tuple[Disturbance, ...] = ()
-    fits = _fitted(data, data.accel_g, kept)
+    fits = _fitted(data, force, kept)
+    cause = CAUSES[int(fits.cause)]
+    if cause in NO_POSE_S_FAULT:
+        return _refused(data, fits, cause)
     for _ in range(ROUNDS if len(data) <= MOST_POSES else 0):
-        found = _disturbances(data, data.accel_g, kept)
+        found = _disturbances(data, force, kept)
         poses = [one.pose for one in found]
-        if len(poses) * LARGEST_SHARE > len(data):
+        if too_many(found, len(data)):
             return _disturbed_field(data, found)
         if set(poses) == set(np.flatnonzero(~kept)):
             break
         kept = ~np.isin(np.arange(len(data)), poses)
-        fits = _fitted(data, data.accel_g, kept)
+        fits = _fitted(data, force, kept)
     cause = CAUSES[int(fits.cause)]
     if cause is not None:
         return _refused(data, fits, cause)
-    return _accepted(data, fits, kept, found)
+    cost = force_cost(data, kept, force, fits)
+    if cost.rms_deg > LARGEST_PREDICTED_DEG:
+        return _refused(data, fits, Cause.NOT_OBSERVABLE)
+    return _accepted(data, fits, kept, found, force, cost)
 
 
-def _fitted(
-    data: CalibrationData, accel_g: NDArray[np.float64], kept: NDArray[np.bool_]
-) -> TiltAidedFits:
+def _fitted(data: CalibrationData, force: Force, kept: NDArray[np.bool_]) -> TiltAidedFits:
     return tilt_aided_batch(
         data.field_mg[kept],
-        accel_g[kept],
+        force.accel_g[kept],
         data.field_sd_mg,
         data.accel_sd_g,
         station_field_mg=data.station_field_mg,
+        raw_force=force.raw,
     )
 
 
 def _disturbances(
-    data: CalibrationData, accel_g: NDArray[np.float64], kept: NDArray[np.bool_]
+    data: CalibrationData, force: Force, kept: NDArray[np.bool_]
 ) -> tuple[Disturbance, ...]:
-    """Return the poses, of all, that contradict the rest under the fit of the kept ones."""
+    """Return the poses, of all, that contradict the rest under the fit of the kept ones.
+
+    What a raw force may be off is no disturbance: its coefficients are let free here.
+    """
     noise = (data.field_sd_mg, data.accel_sd_g)
-    mine = readings_of(data.field_mg[None, kept], accel_g[None, kept], *noise)
+    mine = readings_of(data.field_mg[None, kept], force.accel_g[None, kept], *noise)
     best = tilt_minimum(mine)
     if not np.isfinite(best.chi2[0]):
         return ()
-    every = mine.extended(data.field_mg[None], accel_g[None])
+    every = mine.extended(data.field_mg[None], force.accel_g[None])
     residual, jacobian = every.rows(best.parameters, np.array([0]))
+    columns = jacobian[0]
+    if force.raw:
+        columns = np.concatenate([columns, every.force_columns(best.parameters)[0]], axis=1)
     count = len(data)
     by_pose = np.swapaxes(residual.reshape(2, count), 0, 1)
-    return disturbed_poses(by_pose, np.swapaxes(jacobian.reshape(2, count, UNKNOWNS), 0, 1))
+    return disturbed_poses(by_pose, np.swapaxes(columns.reshape(2, count, -1), 0, 1))
 
 
 def _disturbed_field(data: CalibrationData, found: tuple[Disturbance, ...]) -> Fit:
     message = (
-        f"{len(found)} of {len(data)} poses contradict the others ({_names(found)}): the field "
+        f"{len(found)} of {len(data)} poses contradict the others ({named(found)}): the field "
         "around the module changed"
     )
     return refusal(METHOD, Cause.FIELD_DISTURBED, message, data)
-
-
-def _names(found: tuple[Disturbance, ...]) -> str:
-    named = [f"{one.pose} by {one.sigmas:.0f} sigma" for one in found[:8]]
-    return ", ".join(named) + (", ..." if len(found) > len(named) else "")
 
 
 def _refused(data: CalibrationData, fits: TiltAidedFits, cause: Cause) -> Fit:
@@ -180,37 +215,50 @@ def _accepted(
     fits: TiltAidedFits,
     kept: NDArray[np.bool_],
     found: tuple[Disturbance, ...],
+    force: Force,
+    cost: ForceCost,
 ) -> Fit:
     count = int(kept.sum())
     corrected = (data.field_mg[kept] - fits.offset_mg) @ fits.matrix.T
     extra = {
-        "dip_deg_sd": float(np.sqrt(fits.covariance[12, 12])),
+        "dip_deg_sd": float(np.sqrt(cost.covariance[12, 12])),
         "misalignment_deg": _misalignment_deg(fits.matrix),
         "residual_correlation": float(fits.correlation),
         "drift_deg": float(fits.drift_deg),
-        "disturbed_poses": float(len(found)),
+        **left_out(found),
     }
-    extra |= {f"disturbed_{one.pose}_sigmas": one.sigmas for one in found}
     return Fit(
         method=METHOD,
-        message=f"left out as disturbed: poses {_names(found)}" if found else "",
+        message=_message(found, force),
         samples=count,
         offset_mg=fits.offset_mg,
         matrix=fits.matrix,
         field_mg=float(fits.field_mg),
         dip_deg=float(fits.dip_deg),
         parameters=PARAMETERS,
-        covariance=fits.covariance,
+        covariance=cost.covariance,
         residual_rms_mg=float(fits.residual_rms_mg),
         chi2_reduced=float(fits.chi2_reduced),
         dof=2 * count - UNKNOWNS,
         rank=int(fits.rank),
         condition=float(fits.condition),
         coverage=sphere_coverage(corrected),
-        predicted_heading_rms_deg=float(fits.predicted_rms_deg),
-        predicted_heading_max_deg=float(fits.predicted_max_deg),
+        predicted_heading_rms_deg=cost.rms_deg,
+        predicted_heading_max_deg=cost.max_deg,
+        accel_offset_g=None if force.raw else force.offset_g,
+        accel_matrix=None if force.raw else np.array(np.linalg.inv(force.gain), dtype=float),
+        accel_from=force.source,
         extra=extra,
     )
+
+
+def _message(found: tuple[Disturbance, ...], force: Force) -> str:
+    parts = [f"left out as disturbed: poses {named(found)}"] if found else []
+    if force.raw:
+        parts.append(
+            f"the force is raw: {1000.0 * RAW_BIAS_SD_G:.0f} mg of bias are in the prediction"
+        )
+    return "; ".join(parts)
 
 
 def _misalignment_deg(matrix: NDArray[np.float64]) -> float:

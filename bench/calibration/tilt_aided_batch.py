@@ -104,6 +104,7 @@ def tilt_aided_batch(
     accel_sd_g: float,
     *,
     station_field_mg: ArrayLike | None = None,
+    raw_force: bool = False,
 ) -> TiltAidedFits:
     """Fit matrix, offset and dip of many units.
 
@@ -118,6 +119,9 @@ def tilt_aided_batch(
         Its strength is the sphere's radius; without it that of a matrix of determinant one. A
         dip far from the station's is refused: a mirrored sensor, or a force of the wrong sign,
         fits as well with matrix and dip negated, 180 deg off.
+    raw_force : bool
+        Whether the force may be off by a bias and by gains. What they explain is then no drift;
+        what they cost is not in the covariance (`tilt_force.force_cost`).
 
     Returns
     -------
@@ -142,6 +146,7 @@ def tilt_aided_batch(
             forces[first : first + BLOCK],
             (field_sd_mg, accel_sd_g),
             station,
+            raw_force=raw_force,
         )
         for first in range(0, len(units), BLOCK)
     ]
@@ -153,6 +158,8 @@ def _fitted(
     accel_g: NDArray[np.float64],
     noise: tuple[float, float],
     station_mg: NDArray[np.float64] | None,
+    *,
+    raw_force: bool,
 ) -> TiltAidedFits:
     readings = readings_of(field_mg, accel_g, *noise)
     best = tilt_minimum(readings)
@@ -161,7 +168,7 @@ def _fitted(
     gains = np.linalg.svd(matrix, compute_uv=False)
     proper = (np.linalg.det(matrix) > 0.0) & (gains[:, 0] <= LARGEST_AXIS_RATIO * gains[:, 2])
     proper &= np.isfinite(best.chi2)
-    fits = _in_mg(readings, best, found, proper, station_mg)
+    fits = _in_mg(readings, best, found, proper, station_mg, raw_force=raw_force)
     count = field_mg.shape[1]
     spread = _spread(readings.down)
     forceless = np.linalg.norm(accel_g, axis=-1).min(axis=-1) < SMALLEST_FORCE_G
@@ -228,6 +235,8 @@ def _in_mg(
     found: Inverse,
     proper: NDArray[np.bool_],
     station_mg: NDArray[np.float64] | None,
+    *,
+    raw_force: bool,
 ) -> TiltAidedFits:
     cloud, parameters = readings.cloud, best.parameters
     unit = np.where(proper[:, None, None], parameters[:, :9].reshape(-1, 3, 3), np.eye(3))
@@ -240,7 +249,9 @@ def _in_mg(
     dip_rad = np.arcsin(sine)
     scales = [factor, cloud.scale_mg, np.rad2deg(1.0 / np.cos(dip_rad))]
     to_units = np.repeat(np.stack(scales, axis=1), [9, 3, 1], axis=1)
-    covariance, shift, together, rms = _uncertainty(readings, best, found, chi2, to_units)
+    covariance, shift, together, rms = _uncertainty(
+        readings, best, found, chi2, to_units, raw_force=raw_force
+    )
     matrix = unit * factor[:, None, None]
     rows = correction_rows(*grid_field(grid_axes(), strength, sine), matrix)
     rms_deg, max_deg = predicted_deg(rows, covariance[:, :12, :12])
@@ -270,13 +281,20 @@ def _uncertainty(
     found: Inverse,
     chi2: NDArray[np.float64],
     to_units: NDArray[np.float64],
+    *,
+    raw_force: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return covariance and shift by a drift (b, 13) in the fit's units, correlation, RMS of r1."""
     residual, jacobian = readings.rows(best.parameters, np.arange(len(chi2)))
     by_pose = residual.reshape(len(chi2), 2, -1)
     together = correlation(by_pose)
     by_drift = drift_rows(best.parameters, jacobian)
-    shift = drift(residual, jacobian, found.covariance, by_drift).shift * to_units
+    spread = found.covariance
+    if raw_force:
+        loose = readings.force_columns(best.parameters)
+        jacobian = np.concatenate([jacobian, loose], axis=-1)
+        spread = inverted(np.swapaxes(jacobian, 1, 2) @ jacobian).covariance
+    shift = drift(residual, jacobian, spread, by_drift).shift[:, :UNKNOWNS] * to_units
     growth = np.maximum(chi2, 1.0) * (1.0 + together) / (1.0 - together)
     covariance = found.covariance * to_units[:, :, None] * to_units[:, None, :]
     covariance = covariance * growth[:, None, None] + shift[:, :, None] * shift[:, None, :]

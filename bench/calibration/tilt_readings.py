@@ -22,6 +22,9 @@ LEAST_NOISE: Final = 2e-5
 PATIENCE: Final = 3.0
 """chi2_reduced from which the second start is tried too."""
 POSES_OF_A_JUMP: Final = 20
+FORCE_UNKNOWNS: Final = 12
+FORCE_STEP: Final = 1e-5
+"""Change of the force, in g, by which its derivatives are taken."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,6 +57,29 @@ class Readings:
         )
         count = 2 * residual.shape[2]
         return residual.reshape(-1, count), jacobian.reshape(-1, count, UNKNOWNS)
+
+    def force_columns(
+        self, parameters: NDArray[np.float64], gain: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """Return derivatives (b, 2 n, 12) of the residuals by the accelerometer's coefficients.
+
+        They are W row by row and b of raw = W force + b, the same in every pose of a unit.
+
+        Parameters
+        ----------
+        parameters : ndarray, shape (b, 13)
+        gain : ndarray, shape (3, 3), optional
+            W with which the force was corrected; 1 where it is raw.
+        """
+        units = np.arange(len(parameters))
+        here = self.rows(parameters, units)[0]
+        back = np.eye(3) if gain is None else np.linalg.inv(gain)
+        columns = []
+        for change in FORCE_STEP * np.eye(FORCE_UNKNOWNS):
+            raw_g = -self.down @ change[:9].reshape(3, 3).T + change[9:]
+            moved = replace(self, down=_down(-self.down - raw_g @ back.T))
+            columns.append((moved.rows(parameters, units)[0] - here) / FORCE_STEP)
+        return np.stack(columns, axis=-1)
 
 
 def readings_of(

@@ -11,12 +11,14 @@ seat; and the magnetometer's common gain, which is held against the station's fi
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from bench.calibration.coverage import sphere_coverage
+from bench.calibration.disturbed import left_out, named
 from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
 from bench.calibration.prediction import (
     DEFAULT_FIELD_MG,
@@ -25,6 +27,7 @@ from bench.calibration.prediction import (
     predicted_heading_deg,
 )
 from bench.calibration.saturation import STOPPED, saturated_axis
+from bench.calibration.truth_disturbed import outstanding, undisturbed
 from bench.calibration.truth_model import RigPoses, observed, rig_poses
 from bench.calibration.truth_solver import DOWN, Sensor, Solution, solved, started
 
@@ -72,8 +75,11 @@ def fit_truth_aided(data: CalibrationData) -> Fit:
         each with ``_sd``, and ``field_magnitude_mg``: the strength in the module's nominal
         scale, |det W|^(1/3) times the station's. The parameters are those of raw = W v + b; the
         covariance is the weights' own, times chi2_reduced where that exceeds one.
+        Poses that contradict the others are left out and named in the message; `extra` then
+        holds ``disturbed_poses`` and for each ``disturbed_<row>_sigmas``.
         Refused with NO_TRUTH, TOO_FEW, TILT_TOO_SMALL, NOT_OBSERVABLE, SATURATED,
-        DEGENERATE, NOT_CONVERGED or RESIDUAL_TOO_LARGE.
+        DEGENERATE, NOT_CONVERGED, RESIDUAL_TOO_LARGE or FIELD_DISTURBED (more than one pose in
+        six disturbed).
 
     Notes
     -----
@@ -110,7 +116,31 @@ def fit_truth_aided(data: CalibrationData) -> Fit:
     broken = _broken(start)
     if broken:
         return refusal(METHOD, Cause.DEGENERATE, broken, data, rank=rank, condition=condition)
-    return _checked(data, solved(start, poses, data.rig_sd_deg), poses, rank, condition)
+    solution = solved(start, poses, data.rig_sd_deg)
+    if outstanding(solution, poses, data.rig_sd_deg):
+        return _without_disturbed(data, solution, poses, rank, condition)
+    return _checked(data, solution, poses, rank, condition)
+
+
+def _without_disturbed(
+    data: CalibrationData, solution: Solution, poses: RigPoses, rank: int, condition: float
+) -> Fit:
+    """Return the fit of the poses that do not contradict the others, with the rest named."""
+    rest = undisturbed(data, poses, solution)
+    if not rest.found:
+        return _checked(data, solution, poses, rank, condition)
+    needed = 12 if data.accel_g is None else 24
+    if rest.solution is None or sensors_observed(rest.data, rest.poses)[0] < needed:
+        message = (
+            f"{len(rest.found)} of {len(data)} poses contradict the others ({named(rest.found)}): "
+            "the field around the module changed, or the rig was not where it said"
+        )
+        return refusal(METHOD, Cause.FIELD_DISTURBED, message, data, rank=rank, condition=condition)
+    fit = _checked(rest.data, rest.solution, rest.poses, *sensors_observed(rest.data, rest.poses))
+    message = f"left out as disturbed: poses {named(rest.found)}"
+    if fit.refused:
+        return replace(fit, message=f"{fit.message}; {message}")
+    return replace(fit, message=message, extra=fit.extra | left_out(rest.found))
 
 
 def sensors_observed(data: CalibrationData, poses: RigPoses) -> tuple[int, float]:

@@ -171,6 +171,7 @@ class FitEntry(_Strict):
     matrix: Matrix | None
     accel_offset_g: Vector | None
     accel_matrix: Matrix | None
+    accel_from: str = ""
     field_mg: float | None
     dip_deg: float | None
     extended_dip_deg: Annotated[float, Strict(), Field(gt=-90.0, lt=90.0)] | None = None

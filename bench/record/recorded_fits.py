@@ -106,6 +106,7 @@ def fit_of(entry: Mapping[str, Any]) -> Fit:
         matrix=array("matrix"),
         accel_offset_g=array("accel_offset_g"),
         accel_matrix=array("accel_matrix"),
+        accel_from=str(entry.get("accel_from", "")),
         extended_dip_deg=entry.get("extended_dip_deg"),
         extra=extra,
     )

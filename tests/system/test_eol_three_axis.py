@@ -88,6 +88,20 @@ def test_the_weights_of_the_fit_are_those_of_a_good_unit_and_foretell_its_error(
     assert 0.6 < achieved["tilt_rms_deg"] / expected_deg < 1.7
 
 
+def test_the_tilt_aided_fit_is_ranked_next_and_as_good_as_it_foretells(good_run):
+    fit = good_run.context.fits["tilt_aided"]
+    achieved = good_run.recorder.achieved["tilt_aided"]
+    reading_deg = np.hypot(np.rad2deg(0.32 / 250.0), np.rad2deg(0.0004 * np.sqrt(3.0)))
+
+    assert good_run.recorder.sections["ranking"][:2] == ["truth_aided", "tilt_aided"]
+    assert fit.accel_from == "accelerometer"
+    assert (fit.extra["disturbed_poses"], fit.extra["drift_deg"]) == (0.0, 0.0)
+    assert 0.5 < fit.chi2_reduced < 1.5
+    expected_deg = np.hypot(fit.predicted_heading_rms_deg, reading_deg)
+    assert 0.6 < achieved["level_rms_deg"] / expected_deg < 1.6
+    assert 0.6 < achieved["tilt_rms_deg"] / expected_deg < 1.7
+
+
 def test_every_declared_measurement_is_judged_in_the_order_of_the_steps(good_run):
     procedure = good_run.context.procedure
     names = [measurement.name for measurement in good_run.context.measurements]

@@ -165,6 +165,8 @@ def test_the_main_procedure_fits_every_method_and_shows_what_the_order_costs(fin
     assert set(by_order) == {"soft_first", "tilt_first", "tilt_reversed"}
     assert all(max(errors(other)) > 3.0 * max(errors(best)) for other in by_order.values())
     assert set(record["study"]["tilt_from"].values()) == {"own", "accelerometer"}
+    assert record["ranking"][:2] == ["truth_aided", "tilt_aided"]
+    assert record["study"]["tilt_from"]["tilt_aided"] == "accelerometer"
 
 
 def test_two_axes_are_verified_by_their_own_formula_and_checked_by_the_third(finished):

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from bench.calibration.disturbed import disturbed_poses
+from bench.calibration.disturbed import Disturbance, disturbed_poses, too_many
 from bench.calibration.sphere_model import sphere_rows
 from bench.calibration.truth_model import rig_poses
 from bench.calibration.truth_solver import solved, started, whitened
@@ -81,6 +81,16 @@ def test_at_most_a_quarter_of_the_poses_is_named() -> None:
     noise, jacobian = linear(3, unknowns=4)
     noise[:20] += 50.0 * np.random.default_rng(1).normal(size=(20, 2))
     assert len(disturbed_poses(fitted(noise, jacobian), jacobian)) <= 9
+
+
+@pytest.mark.parametrize(
+    ("named", "poses", "refused"), [(4, 24, False), (5, 24, True), (11, 72, False), (12, 72, True)]
+)
+def test_more_than_one_in_six_or_all_that_can_be_named_are_too_many(
+    named: int, poses: int, refused: bool
+) -> None:
+    found = [Disturbance(pose=row, sigmas=9.0, significance=0.0) for row in range(named)]
+    assert too_many(found, poses) == refused
 
 
 def test_too_few_degrees_of_freedom_name_nothing() -> None:

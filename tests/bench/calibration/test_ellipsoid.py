@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from bench.calibration.ellipsoid import fit_ellipsoid, sampson_residual, taubin_ellipsoid
+from bench.calibration.ellipsoid import fit_ellipsoid
 from bench.calibration.fit import CalibrationData, Cause
 from bench.calibration.methods import rows_of
+from bench.calibration.sphere_model import sphere_rows
+from bench.calibration.taubin import taubin_batch
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -56,15 +58,15 @@ def test_errors_match_the_covariance_over_many_draws() -> None:
 
 def test_taubin_start_is_nearly_unbiased_at_one_percent_of_noise() -> None:
     unit = (readings_mg(4000, 5.0) - OFFSET) / 500.0
-    matrix, centre = taubin_ellipsoid(unit)
-    assert matrix == pytest.approx(SHAPE, abs=3e-3)
-    assert centre == pytest.approx(np.zeros(3), abs=2e-3)
+    start = taubin_batch((unit - unit.mean(axis=0))[None])
+    assert start.matrix[0] == pytest.approx(SHAPE, abs=3e-3)
+    assert start.centre[0] + unit.mean(axis=0) == pytest.approx(np.zeros(3), abs=2e-3)
 
 
 def test_sampson_residual_is_the_distance_near_a_unit_sphere() -> None:
-    parameters = np.array([1, 1, 1, 0, 0, 0, 0, 0, 0], dtype=float)
     points = np.array([[1.001, 0, 0], [0, -0.998, 0]])
-    assert sampson_residual(parameters, points) == pytest.approx([0.001, -0.002], abs=1e-5)
+    residual, _ = sphere_rows(np.eye(3)[None], np.zeros((1, 3)), points[None], np.ones(1))
+    assert residual[0] == pytest.approx([0.001, -0.002], abs=1e-5)
 
 
 def test_level_readings_are_refused(
@@ -112,8 +114,26 @@ def test_readings_at_rest_are_refused() -> None:
     assert fit_ellipsoid(CalibrationData(field_mg=noisy)).refused
 
 
-def test_too_few_readings_are_refused() -> None:
-    assert fit_ellipsoid(CalibrationData(field_mg=readings_mg(8, 0.1))).cause == Cause.TOO_FEW
+def test_too_few_readings_and_none_at_all_are_refused() -> None:
+    for count in (8, 0):
+        data = CalibrationData(field_mg=readings_mg(8, 0.1)[:count])
+        assert fit_ellipsoid(data).cause == Cause.TOO_FEW
+
+
+def test_readings_beyond_any_magnetometer_are_refused_and_named() -> None:
+    fit = fit_ellipsoid(CalibrationData(field_mg=1e9 * readings_mg(30, 0.1)))
+    assert fit.cause == Cause.NO_TURN
+    assert "beyond 1e+07 mG" in fit.message
+
+
+def test_without_a_station_the_prediction_is_for_the_dip_that_the_accelerometer_sees(
+    drawn: Callable[..., Any],
+) -> None:
+    steep, flat = (
+        fit_ellipsoid(replace(drawn(1, dip_deg=dip, soft=0.0).data, station_field_mg=None))
+        for dip in (75.0, 20.0)
+    )
+    assert steep.predicted_heading_rms_deg > 2.0 * flat.predicted_heading_rms_deg
 
 
 def test_a_moving_iron_is_refused_as_disturbed_field() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from bench.calibration.compensation import Order
 from bench.calibration.fit import CalibrationData, Cause, Fit
-from bench.calibration.methods import METHODS, fit_all, rows_of
+from bench.calibration.methods import METHODS, fit_all, fit_named, rows_of
 from bench.calibration.ranking import (
     LevelAndTilt,
     borrowed_tilt,
@@ -60,6 +60,7 @@ def test_methods_without_an_accelerometer_borrow_its_tilt_and_say_so(
     fits, data = fitted
     found = study(fits, data)
     assert found.tilt_from["min_max"] == found.tilt_from["ellipsoid"] == "accelerometer"
+    assert found.tilt_from["tilt_aided"] == "accelerometer"
     assert found.tilt_from["truth_aided"] == found.tilt_from["accelerometer"] == "own"
     borrowed = heading_error(data, fits["soft_iron"], tilt=fits["accelerometer"])
     alone = heading_error(data, fits["soft_iron"])
@@ -67,6 +68,15 @@ def test_methods_without_an_accelerometer_borrow_its_tilt_and_say_so(
     assert max(told.level_max_deg, told.tilt_max_deg) == pytest.approx(borrowed.max_deg)
     assert told.level_rms_deg < alone.rms_deg
     assert found.raw.level_max_deg == study({}, data).raw.level_max_deg
+
+
+def test_a_fit_against_the_raw_force_keeps_the_raw_tilt(
+    fitted: tuple[dict[str, Fit], CalibrationData],
+) -> None:
+    fits, data = fitted
+    raw = fit_named("tilt_aided", replace(data, azimuth_deg=None))
+    assert (raw.accel_from, raw.accel_matrix) == ("raw", None)
+    assert borrowed_tilt(raw, fits, data) == ("raw", None)
 
 
 def test_the_lender_is_the_first_accepted_one(

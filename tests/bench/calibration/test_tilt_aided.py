@@ -7,17 +7,23 @@ import numpy as np
 import pytest
 from scipy.special import stdtrit
 
+from bench.calibration.accelerometer import fit_accelerometer
 from bench.calibration.fit import CalibrationData, Cause
 from bench.calibration.methods import rows_of
+from bench.calibration.prediction import grid_attitudes_deg
+from bench.calibration.ranking import heading_error
 from bench.calibration.sphere_model import sphere_rows, tilt_rows
 from bench.calibration.tilt import ned_from_body
-from bench.calibration.tilt_aided import PARAMETERS, fit_tilt_aided
+from bench.calibration.tilt_aided import PARAMETERS, fit_tilt_aided, fit_with_force
 from bench.calibration.tilt_aided_batch import CAUSES, tilt_aided_batch
+from bench.calibration.tilt_force import Force
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
+
+    from bench.calibration.fit import Fit
 
 FIELD = 500.0 * np.array([np.cos(np.deg2rad(65.0)), 0.0, np.sin(np.deg2rad(65.0))])
 GAIN = np.eye(3) + np.array([[0.1, 0.04, -0.06], [-0.02, -0.08, 0.05], [0.07, -0.03, 0.02]])
@@ -57,6 +63,18 @@ def data_of(angles_deg: NDArray[np.float64], **options: Any) -> CalibrationData:
         accel_sd_g=SD_G,
         station_field_mg=FIELD,
     )
+
+
+def fit_exact(data: CalibrationData) -> Fit:
+    """Fit against a force whose coefficients are known without error."""
+    force = Force(
+        accel_g=data.accel_g,
+        gain=np.eye(3),
+        offset_g=np.zeros(3),
+        spread=np.zeros((12, 12)),
+        source="accelerometer",
+    )
+    return fit_with_force(data, force)
 
 
 def ring(pitch: float, roll: float, count: int = 12) -> list[tuple[float, float, float]]:
@@ -123,7 +141,7 @@ def test_intervals_hold_the_truth_and_errors_match_the_covariance(count: int, ti
 def test_a_batch_gives_each_unit_what_it_gets_alone() -> None:
     field, force = readings(poses_deg(), units=3)
     together = tilt_aided_batch(field, force, SD_MG, SD_G, station_field_mg=FIELD)
-    alone = fit_tilt_aided(
+    alone = fit_exact(
         CalibrationData(
             field_mg=field[1],
             accel_g=force[1],
@@ -251,20 +269,70 @@ def test_many_disturbed_poses_are_refused_by_name() -> None:
     assert "of 36 poses contradict the others (0 by" in fit.message
 
 
+def judged_on_the_grid(drawn: Callable[..., Any], seed: int) -> CalibrationData:
+    """Return what the module of a seed reads, without noise, at the attitudes of the grid."""
+    quiet = {"field_sd_mg": 0.0, "accel_sd_g": 0.0, "rig_sd_deg": 0.0}
+    clean = drawn(seed, **quiet)
+    ned = ned_from_body(*grid_attitudes_deg().T)
+    field = np.einsum("nji,j->ni", ned, clean.data.station_field_mg) @ clean.gain.T
+    return replace(
+        clean.data,
+        field_mg=field + clean.offset_mg,
+        accel_g=-ned[:, 2] @ clean.accel_gain.T + clean.accel_offset_g,
+        azimuth_deg=grid_attitudes_deg()[:, 0],
+        pitch_deg=grid_attitudes_deg()[:, 1],
+        roll_deg=grid_attitudes_deg()[:, 2],
+    )
+
+
+@pytest.mark.parametrize("source", ["accelerometer", "raw"])
+def test_the_heading_is_as_good_as_predicted_with_a_corrected_and_with_a_raw_force(
+    drawn: Callable[..., Any], source: str
+) -> None:
+    squares, predicted = [], []
+    expected_deg = {"accelerometer": 0.05, "raw": 1.1}[source]
+    for seed in range(40):
+        data = drawn(seed).data
+        if source == "raw":
+            data = replace(data, azimuth_deg=None, pitch_deg=None, roll_deg=None)
+        fit = fit_tilt_aided(data)
+        assert not fit.refused, fit.message
+        assert fit.accel_from == source
+        assert ("30 mg of bias" in fit.message) == (source == "raw")
+        error = heading_error(judged_on_the_grid(drawn, seed), fit)
+        squares.append((error.rms_deg / fit.predicted_heading_rms_deg) ** 2)
+        predicted.append(fit.predicted_heading_rms_deg)
+    assert np.sqrt(np.mean(squares)) == pytest.approx(1.0, abs=0.2)
+    assert np.median(predicted) == pytest.approx(expected_deg, rel=0.2)
+
+
+def test_the_corrected_force_brings_its_coefficients_and_their_uncertainty_along(
+    drawn: Callable[..., Any],
+) -> None:
+    data = drawn(2).data
+    fit, lender = fit_tilt_aided(data), fit_accelerometer(data)
+    assert fit.accel_matrix == pytest.approx(lender.accel_matrix, abs=1e-12)
+    assert fit.accel_offset_g == pytest.approx(lender.accel_offset_g, abs=1e-12)
+    force = replace(data, accel_g=lender.corrected_g(data.accel_g))
+    grown = np.linalg.eigvalsh(fit.covariance - fit_exact(force).covariance)
+    assert grown[0] > -1e-9 * grown[-1]
+    assert fit.predicted_heading_rms_deg > 1.05 * fit_exact(force).predicted_heading_rms_deg
+
+
 @pytest.mark.parametrize("shape", ["drift", "jump"])
 def test_a_field_that_changes_over_the_run_is_refused_or_in_the_prediction(shape: str) -> None:
     angles = poses_deg()
     data = data_of(angles)
     time = np.linspace(0.0, 1.0, 36)[:, None]
     change = (time if shape == "drift" else (time > 0.5) * 0.5) * [1.0, -0.6, 0.8]
-    small = fit_tilt_aided(replace(data, field_mg=data.field_mg + 8.0 * change))
+    small = fit_exact(replace(data, field_mg=data.field_mg + 8.0 * change))
     assert small.extra["drift_deg"] > 0.05
-    plain = fit_tilt_aided(data)
+    plain = fit_exact(data)
     assert plain.extra["drift_deg"] == 0.0
     assert plain.extra["residual_correlation"] == 0.0
     grown = small.predicted_heading_rms_deg / plain.predicted_heading_rms_deg
     assert grown > np.sqrt(small.chi2_reduced)
-    large = fit_tilt_aided(replace(data, field_mg=data.field_mg + 100.0 * change))
+    large = fit_exact(replace(data, field_mg=data.field_mg + 100.0 * change))
     assert large.cause in {Cause.FIELD_DISTURBED, Cause.RESIDUAL_TOO_LARGE}
 
 

@@ -11,6 +11,9 @@ from bench.calibration.fit import Cause
 from bench.calibration.methods import rows_of
 from bench.calibration.ranking import heading_errors_deg
 from bench.calibration.truth_aided import fit_truth_aided
+from bench.calibration.truth_disturbed import outstanding
+from bench.calibration.truth_model import rig_poses
+from bench.calibration.truth_solver import solved, started
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -140,10 +143,58 @@ def test_a_stuck_axis_is_refused_as_degenerate(drawn: Callable[..., Any], axis: 
     assert "magnetometer" in fit.message
 
 
-def test_a_field_that_moved_during_the_poses_is_refused(drawn: Callable[..., Any]) -> None:
+def test_a_field_that_moved_during_more_than_one_pose_in_six_is_refused_as_disturbed(
+    drawn: Callable[..., Any],
+) -> None:
     data = drawn(1).data
     data.field_mg[30:50] += np.array([200.0, -150.0, 100.0])
+    fit = fit_truth_aided(data)
+    assert fit.cause == Cause.FIELD_DISTURBED
+    assert "of 72 poses contradict the others" in fit.message
+
+
+def test_a_field_that_moved_all_the_time_is_refused_for_its_residual(
+    drawn: Callable[..., Any],
+) -> None:
+    data = drawn(1).data
+    data.field_mg[:] += 100.0 * np.random.default_rng(1).normal(size=(72, 3))
     assert fit_truth_aided(data).cause == Cause.RESIDUAL_TOO_LARGE
+
+
+@pytest.mark.parametrize("size_mg", [5.0, 60.0])
+def test_disturbed_poses_are_named_left_out_and_change_nothing_else(
+    drawn: Callable[..., Any], size_mg: float
+) -> None:
+    data = drawn(3).data
+    clean = fit_truth_aided(rows_of(data, ~np.isin(np.arange(72), [8, 30, 61])))
+    data.field_mg[[8, 30]] += size_mg * np.array([[0.8, -0.6, 0.4], [-0.5, 0.9, 0.3]])
+    data.accel_g[61] += 0.001 * size_mg
+    fit = fit_truth_aided(data)
+    assert fit.message.startswith("left out as disturbed: poses 8 by ")
+    assert fit.extra["disturbed_poses"] == 3.0
+    assert [name for name in fit.extra if name.endswith("sigmas")] == [
+        f"disturbed_{pose}_sigmas" for pose in (8, 30, 61)
+    ]
+    assert fit.samples == 69
+    assert fit.matrix == pytest.approx(clean.matrix, abs=1e-12)
+    assert fit.predicted_heading_rms_deg == pytest.approx(clean.predicted_heading_rms_deg)
+
+
+def test_an_undisturbed_run_names_no_pose_and_keeps_its_numbers(drawn: Callable[..., Any]) -> None:
+    searched = 0
+    for seed in range(30):
+        data = drawn(seed).data
+        poses = rig_poses(data.azimuth_deg, data.pitch_deg, data.roll_deg)
+        noise = {"field_sd_mg": data.field_sd_mg, "accel_sd_g": data.accel_sd_g}
+        station_mg = data.station_field_mg
+        start = started(poses, data.field_mg, data.accel_g, station_field_mg=station_mg, **noise)
+        solution = solved(start, poses, data.rig_sd_deg)
+        searched += outstanding(solution, poses, data.rig_sd_deg)
+        fit = fit_truth_aided(data)
+        assert fit.samples == 72
+        assert "disturbed_poses" not in fit.extra
+        assert fit.offset_mg.tolist() == solution.magnetometer.offset.tolist()
+    assert searched < 6
 
 
 def test_seventy_two_poses_take_less_than_50_ms(drawn: Callable[..., Any]) -> None:
