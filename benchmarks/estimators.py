@@ -35,7 +35,7 @@ from bench.calibration.ellipsoid_batch import ellipsoid_batch
 from bench.calibration.prediction import grid_attitudes_deg
 from bench.calibration.tilt import attitude_deg, ned_from_body, tilt_compensated_heading_deg
 from bench.calibration.tilt_aided_batch import tilt_aided_batch
-from bench.calibration.truth_aided_batch import truth_aided_batch
+from bench.calibration.truth_aided_batch import TruthAidedFits, truth_aided_batch
 from protocols.angles import wrap_180_deg
 
 if TYPE_CHECKING:
@@ -180,8 +180,9 @@ def errors_of(estimator: Estimator, unit: Unit, readings: Readings, sd_mg: float
     )
 
 
-def _truth_aided(unit: Unit, readings: Readings, sd_mg: float, start: float) -> Errors:
-    fits = truth_aided_batch(
+def truth_aided(readings: Readings, sd_mg: float) -> TruthAidedFits:
+    """Fit T: both sensors, field direction and base level."""
+    return truth_aided_batch(
         readings.attitudes_deg,
         readings.field_mg,
         readings.raw_accel_g,
@@ -190,6 +191,22 @@ def _truth_aided(unit: Unit, readings: Readings, sd_mg: float, start: float) -> 
         rig_sd_deg=RIG_SD_DEG,
         station_field_mg=station_mg(),
     )
+
+
+def conditions_of(unit: Unit, sd_mg: float) -> Conditions:
+    """Return the conditions of the bound for a unit and a noise of the field."""
+    return Conditions(
+        station_field_mg=station_mg(),
+        field_sd_mg=sd_mg,
+        accel_sd_g=ACCEL_SD_G,
+        rig_sd_deg=RIG_SD_DEG,
+        gain=unit.gain,
+        accel_gain=unit.accel_gain,
+    )
+
+
+def _truth_aided(unit: Unit, readings: Readings, sd_mg: float, start: float) -> Errors:
+    fits = truth_aided(readings, sd_mg)
     seconds = time.process_time() - start
     good = fits.cause == 0
     field_mg, force_g = _verified()
@@ -297,14 +314,7 @@ def _cell(unit: Unit, cell: tuple[float, int, float], trials: int, seed: int) ->
     sd_mg = noise * STRENGTH_MG
     attitudes_deg = spread_attitudes_deg(count, tilt_deg)
     readings = read(unit, attitudes_deg, sd_mg, trials, seed)
-    conditions = Conditions(
-        station_field_mg=station_mg(),
-        field_sd_mg=sd_mg,
-        accel_sd_g=ACCEL_SD_G,
-        rig_sd_deg=RIG_SD_DEG,
-        gain=unit.gain,
-        accel_gain=unit.accel_gain,
-    )
+    conditions = conditions_of(unit, sd_mg)
     failed = 0
     for estimator in ESTIMATORS:
         bound = heading_bound(estimator, attitudes_deg, conditions)

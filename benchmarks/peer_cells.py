@@ -8,16 +8,15 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from estimators import (
-    ACCEL_SD_G,
     COUNTS,
     LARGEST_RMS_DEG,
     LARGEST_WORST_DEG,
     NOISES,
-    RIG_SD_DEG,
     STRENGTH_MG,
     TILTS_DEG,
     Readings,
     Unit,
+    conditions_of,
     read,
     spread_attitudes_deg,
     station_mg,
@@ -32,7 +31,7 @@ from peer_errors import (
 )
 from peer_processes import Peer, fitted_by
 
-from bench.calibration.bound import Conditions, HeadingBound, heading_bound
+from bench.calibration.bound import HeadingBound, heading_bound
 
 OURS: Final = {
     "ellipsoid": ellipsoid_outcome,
@@ -109,14 +108,7 @@ def cell_of(key: CellKey, unit: Unit, trials: int, seed: int) -> Cell:
     attitudes_deg = spread_attitudes_deg(key.poses, key.tilt_deg)
     sd_mg = key.noise * STRENGTH_MG
 
-    both = Conditions(
-        station_field_mg=station_mg(),
-        field_sd_mg=sd_mg,
-        accel_sd_g=ACCEL_SD_G,
-        rig_sd_deg=RIG_SD_DEG,
-        gain=unit.gain,
-        accel_gain=unit.accel_gain,
-    )
+    both = conditions_of(unit, sd_mg)
     alone = replace(both, accel_sd_g=None, direction_known=True)
     return Cell(
         key=key,

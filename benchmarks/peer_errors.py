@@ -19,6 +19,7 @@ from estimators import (
     Readings,
     Unit,
     station_mg,
+    truth_aided,
 )
 
 from bench.calibration.ellipsoid_batch import BLOCK, ellipsoid_batch, sphere_minimum
@@ -26,7 +27,6 @@ from bench.calibration.sphere_model import symmetric
 from bench.calibration.taubin import normalised, taubin_batch
 from bench.calibration.tilt import ned_from_body, tilt_compensated_heading_deg
 from bench.calibration.tilt_aided_batch import tilt_aided_batch
-from bench.calibration.truth_aided_batch import truth_aided_batch
 from bench.calibration.truth_aided_linear import truth_aided_linear
 from protocols.angles import wrap_180_deg
 
@@ -172,19 +172,6 @@ def tilt_aided(readings: Readings, sd_mg: float) -> Any:
     force_g = readings.accel_g
     return tilt_aided_batch(
         readings.field_mg, force_g, sd_mg, ACCEL_SD_G, station_field_mg=station_mg()
-    )
-
-
-def truth_aided(readings: Readings, sd_mg: float) -> Any:
-    """Fit T: both sensors, field direction and base level."""
-    return truth_aided_batch(
-        readings.attitudes_deg,
-        readings.field_mg,
-        readings.raw_accel_g,
-        field_sd_mg=sd_mg,
-        accel_sd_g=ACCEL_SD_G,
-        rig_sd_deg=RIG_SD_DEG,
-        station_field_mg=station_mg(),
     )
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 
 from bench.acceptance.site import is_level
+from bench.calibration.two_axis import checking_z_mg
 from bench.record.method_study import method_words
 from bench.record.recorded_fits import VERIFIED_KINDS, step_positions
 from dashboards import entities
@@ -82,11 +83,8 @@ def log_z_estimate(
     if run.fit is None or not run.fit.two_axis or verified.sum() < _FEWEST:
         return
     estimated_mg = compensated_field_mg(run.fit, dwells["field_mg"], dwells["accel_g"])[:, 2]
-    raw_mg = dwells["field_mg"][:, 2]
-    design = np.column_stack([raw_mg, np.ones(len(raw_mg))])
-    scale = np.linalg.lstsq(design[verified], estimated_mg[verified], rcond=None)[0]
     columns = dwell_times(dwells, ticks)
-    measured_mg = design @ scale
+    measured_mg = checking_z_mg(dwells["field_mg"][:, 2], estimated_mg, verified)
     for path, name, values, colour, size in (
         (entities.Z_ESTIMATED, "estimated", estimated_mg, entities.AMBER, 4.0),
         (entities.Z_MEASURED, "measured", measured_mg, entities.WHITE, 1.5),

@@ -10,6 +10,7 @@ from bench.acceptance.measurement import Measurement
 from bench.calibration.compensation import completed_field_mg
 from bench.calibration.fit import Fit
 from bench.calibration.tilt import ned_from_body, two_axis_attitude_deg
+from bench.calibration.two_axis import checking_z_mg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -44,10 +45,9 @@ def evaluate_z_estimate(
     """
     field_mg = _field_mg(readings, fit_of(coefficients))
     measured_mg = readings["field_mg"][:, 2]
-    design = np.column_stack([measured_mg, np.ones(len(measured_mg))])
-    if len(design) < 3 or float(np.ptp(measured_mg)) < SMALLEST_CHANGE_MG:
+    if len(measured_mg) < 3 or float(np.ptp(measured_mg)) < SMALLEST_CHANGE_MG:
         return []
-    left_mg = field_mg[:, 2] - design @ np.linalg.lstsq(design, field_mg[:, 2], rcond=None)[0]
+    left_mg = field_mg[:, 2] - checking_z_mg(measured_mg, field_mg[:, 2])
     value_mg = float(np.sqrt(np.mean(left_mg**2)))
     return [Measurement(name="z_estimate_difference", value=value_mg, step=step, unit="mG")]
 

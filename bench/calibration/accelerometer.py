@@ -15,8 +15,8 @@ import numpy as np
 from bench.calibration.coverage import sphere_coverage
 from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
 from bench.calibration.prediction import heading_grid, model_jacobian, predicted_heading_deg
-from bench.calibration.truth_aided import ACCELEROMETER_PARAMETERS, LARGEST_AXIS_RATIO
-from bench.calibration.truth_model import RigPoses, observed, rig_poses
+from bench.calibration.truth_aided import ACCELEROMETER_PARAMETERS
+from bench.calibration.truth_model import LARGEST_AXIS_RATIO, RigPoses, observed, rig_poses
 from bench.calibration.truth_solver import DOWN, Sensor, Solution, solved, started
 
 if TYPE_CHECKING:
@@ -66,14 +66,7 @@ def fit_accelerometer(data: CalibrationData) -> Fit:
 
 
 def _solved(data: CalibrationData, poses: RigPoses, refuse: Callable[..., Fit]) -> Fit:
-    start = started(
-        poses,
-        None,
-        data.accel_g,
-        field_sd_mg=data.field_sd_mg,
-        accel_sd_g=data.accel_sd_g,
-        station_field_mg=None,
-    )
+    start = started(poses, data, with_magnetometer=False)
     assert start.accelerometer is not None  # noqa: S101
     values = np.linalg.svd(start.accelerometer.gain, compute_uv=False)
     if not values[-1] * LARGEST_AXIS_RATIO > values[0]:

@@ -28,7 +28,14 @@ from bench.calibration.prediction import (
 )
 from bench.calibration.saturation import STOPPED, saturated_axis
 from bench.calibration.truth_disturbed import outstanding, undisturbed
-from bench.calibration.truth_model import RigPoses, observed, rig_poses
+from bench.calibration.truth_model import (
+    LARGEST_AXIS_RATIO,
+    LARGEST_PREDICTED_DEG,
+    LARGEST_RESIDUAL,
+    RigPoses,
+    observed,
+    rig_poses,
+)
 from bench.calibration.truth_solver import DOWN, Sensor, Solution, solved, started
 
 if TYPE_CHECKING:
@@ -37,10 +44,6 @@ if TYPE_CHECKING:
 METHOD: Final = "truth_aided"
 LEVEL_DEG: Final = 3.0
 """Poses tilted by less count as level."""
-LARGEST_AXIS_RATIO: Final = 10.0
-LARGEST_RESIDUAL: Final = 0.08
-"""Residual RMS an axis, as a part of the field, beyond which the model does not hold."""
-LARGEST_PREDICTED_DEG: Final = 3.0
 SMALLEST_SINGULAR: Final = 1e-5
 _ELEMENTS: Final = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
 MAGNETOMETER_PARAMETERS: Final = (
@@ -105,14 +108,7 @@ def fit_truth_aided(data: CalibrationData) -> Fit:
     if held is not None:
         message = f"axis {held} {STOPPED}"
         return refusal(METHOD, Cause.SATURATED, message, data, rank=rank, condition=condition)
-    start = started(
-        poses,
-        data.field_mg,
-        data.accel_g,
-        field_sd_mg=data.field_sd_mg,
-        accel_sd_g=data.accel_sd_g,
-        station_field_mg=data.station_field_mg,
-    )
+    start = started(poses, data)
     broken = _broken(start)
     if broken:
         return refusal(METHOD, Cause.DEGENERATE, broken, data, rank=rank, condition=condition)

@@ -16,7 +16,13 @@ from bench.calibration.grid_error import grid_axes, grid_field, grid_force, pred
 from bench.calibration.least_squares import Inverse, inverted
 from bench.calibration.saturation import saturated
 from bench.calibration.sphere_fits import joined, require_vectors
-from bench.calibration.truth_model import observed, rig_poses
+from bench.calibration.truth_model import (
+    LARGEST_AXIS_RATIO,
+    LARGEST_PREDICTED_DEG,
+    LARGEST_RESIDUAL,
+    common_poses,
+    observed,
+)
 from bench.calibration.truth_rows import NormalEquations, TruthModel, truth_normal, truth_rows
 
 if TYPE_CHECKING:
@@ -29,9 +35,6 @@ BLOCK: Final = 64
 SMALLEST: Final = 6
 RIDGE: Final = 1e-13
 LARGEST_MG: Final = 1e7
-LARGEST_AXIS_RATIO: Final = 10.0
-LARGEST_RESIDUAL: Final = 0.08
-LARGEST_PREDICTED_DEG: Final = 3.0
 DOWN: Final = np.array([0.0, 0.0, 1.0])
 CAUSES: Final[tuple[Cause | None, ...]] = (
     None,
@@ -113,19 +116,13 @@ def truth_aided_batch(
         If shapes do not match or a value is not finite.
     """
     readings = require_vectors("field_mg", field_mg)
-    angles_deg = np.asarray(attitudes_deg, dtype=float)
-    if angles_deg.shape != readings.shape[-2:]:
-        message = (
-            f"attitudes_deg must have the shape {readings.shape[-2:]}; instead received "
-            f"{angles_deg.shape}"
-        )
-        raise ValueError(message)
+    poses = common_poses(attitudes_deg, readings)
     raw = readings
     if accel_g is not None:
         raw = np.concatenate([readings, require_vectors("accel_g", accel_g)], axis=-1)
     station = np.asarray(station_field_mg, dtype=float)
     model = TruthModel(
-        poses=rig_poses(*angles_deg.T),
+        poses=poses,
         strength=float(np.linalg.norm(station)),
         field_sd=field_sd_mg,
         accel_sd=None if accel_g is None else accel_sd_g,

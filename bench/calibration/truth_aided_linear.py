@@ -17,15 +17,15 @@ import numpy as np
 from bench.calibration.fit import Cause
 from bench.calibration.least_squares import inverted
 from bench.calibration.sphere_fits import require_vectors
-from bench.calibration.truth_model import rig_poses
+from bench.calibration.truth_model import LARGEST_AXIS_RATIO, LARGEST_RESIDUAL, common_poses
 from bench.calibration.truth_rows import TruthModel, truth_rows
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from bench.calibration.truth_model import RigPoses
+
 UNKNOWNS: Final = 12
-LARGEST_AXIS_RATIO: Final = 10.0
-LARGEST_RESIDUAL: Final = 0.08
 BLOCK: Final = 1024
 CAUSES: Final[tuple[Cause | None, ...]] = (
     None,
@@ -83,15 +83,9 @@ def truth_aided_linear(
         If shapes do not match or a value is not finite.
     """
     readings = require_vectors("field_mg", field_mg)
-    angles_deg = np.asarray(attitudes_deg, dtype=float)
-    if angles_deg.shape != readings.shape[-2:]:
-        message = (
-            f"attitudes_deg must have the shape {readings.shape[-2:]}; instead received "
-            f"{angles_deg.shape}"
-        )
-        raise ValueError(message)
+    poses = common_poses(attitudes_deg, readings)
     estimator, design, covariance, rank = _estimator(
-        angles_deg, np.asarray(station_field_mg, dtype=float), field_sd_mg, rig_sd_deg
+        poses, np.asarray(station_field_mg, dtype=float), field_sd_mg, rig_sd_deg
     )
     raw = readings.reshape(-1, design.shape[0])
     found = np.empty((len(raw), UNKNOWNS))
@@ -115,14 +109,14 @@ def truth_aided_linear(
 
 
 def _estimator(
-    attitudes_deg: NDArray[np.float64],
+    poses: RigPoses,
     station_mg: NDArray[np.float64],
     field_sd_mg: float,
     rig_sd_deg: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], int]:
     """Return the estimator (3 n, 12), the design (3 n, 12), the covariance and the rank."""
     model = TruthModel(
-        poses=rig_poses(*attitudes_deg.T),
+        poses=poses,
         strength=float(np.linalg.norm(station_mg)),
         field_sd=field_sd_mg,
         accel_sd=None,

@@ -100,15 +100,7 @@ def _found(data: CalibrationData, poses: RigPoses, solution: Solution) -> tuple[
 
 
 def _solved(data: CalibrationData, poses: RigPoses) -> Solution:
-    start = started(
-        poses,
-        data.field_mg,
-        data.accel_g,
-        field_sd_mg=data.field_sd_mg,
-        accel_sd_g=data.accel_sd_g,
-        station_field_mg=data.station_field_mg,
-    )
-    return solved(start, poses, data.rig_sd_deg)
+    return solved(started(poses, data), poses, data.rig_sd_deg)
 
 
 def _poses(data: CalibrationData) -> RigPoses:

@@ -7,14 +7,20 @@ small angles, so that ned = T @ rig with T the rotation vector (north, east, 0).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from bench.calibration.tilt import ned_from_body
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
+
+
+LARGEST_AXIS_RATIO: Final = 10.0
+LARGEST_RESIDUAL: Final = 0.08
+"""Residual RMS an axis, as a part of the field, beyond which the model does not hold."""
+LARGEST_PREDICTED_DEG: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,6 +60,24 @@ def rig_poses(
     axes_body[:, 1, 2] = -np.sin(roll_rad)
     axes_body[:, 2, 0] = 1.0
     return RigPoses(body_from_rig=rig_from_body.transpose(0, 2, 1), axes_body=axes_body)
+
+
+def common_poses(attitudes_deg: ArrayLike, readings: NDArray[np.float64]) -> RigPoses:
+    """Return the poses, attitudes (n, 3), on which all units' readings (..., n, 3) were taken.
+
+    Raises
+    ------
+    ValueError
+        If there is not one attitude for each reading of a unit.
+    """
+    angles_deg = np.asarray(attitudes_deg, dtype=float)
+    if angles_deg.shape != readings.shape[-2:]:
+        message = (
+            f"attitudes_deg must have the shape {readings.shape[-2:]}; instead received "
+            f"{angles_deg.shape}"
+        )
+        raise ValueError(message)
+    return rig_poses(*angles_deg.T)
 
 
 def base_rotation(north_rad: float, east_rad: float) -> NDArray[np.float64]:

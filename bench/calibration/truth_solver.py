@@ -18,6 +18,8 @@ from bench.calibration.truth_model import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from bench.calibration.fit import CalibrationData
+
 DOWN: Final = np.array([0.0, 0.0, 1.0])
 ITERATIONS: Final = 25
 EAST_NORTH: Final = np.eye(3)[:2]
@@ -69,33 +71,26 @@ class Solution:
         return np.asarray(-self.ned_from_rig.T @ DOWN, dtype=float)
 
 
-def started(
-    poses: RigPoses,
-    field_mg: NDArray[np.float64] | None,
-    accel_g: NDArray[np.float64] | None,
-    *,
-    field_sd_mg: float,
-    accel_sd_g: float,
-    station_field_mg: NDArray[np.float64] | None,
-) -> Solution:
+def started(poses: RigPoses, data: CalibrationData, *, with_magnetometer: bool = True) -> Solution:
     """Return the start: linear fits, at the station's field or at the best direction found."""
+    field_mg, accel_g = data.field_mg if with_magnetometer else None, data.accel_g
     magnetometer = accelerometer = None
     strength, azimuth_rad, dip_rad = 1.0, 0.0, 0.0
     if field_mg is not None:
-        if station_field_mg is None:
+        if data.station_field_mg is None:
             rig = direction_from_readings(field_mg, poses)
             gain = linear_sensor(field_mg, poses.turned(rig))[0]
             rig = rig * max(float(np.abs(np.linalg.det(gain)) ** (1.0 / 3.0)), 1e-9)
         else:
-            rig = np.asarray(station_field_mg, dtype=float)
+            rig = np.asarray(data.station_field_mg, dtype=float)
         strength = float(np.linalg.norm(rig))
         azimuth_rad = float(np.arctan2(rig[1], rig[0]))
         dip_rad = float(np.arctan2(rig[2], np.hypot(rig[0], rig[1])))
         gain, offset = linear_sensor(field_mg, poses.turned(rig))
-        magnetometer = Sensor(raw=field_mg, sd=field_sd_mg, gain=gain, offset=offset)
+        magnetometer = Sensor(raw=field_mg, sd=data.field_sd_mg, gain=gain, offset=offset)
     if accel_g is not None:
         gain, offset = linear_sensor(accel_g, poses.turned(-DOWN))
-        accelerometer = Sensor(raw=accel_g, sd=accel_sd_g, gain=gain, offset=offset)
+        accelerometer = Sensor(raw=accel_g, sd=data.accel_sd_g, gain=gain, offset=offset)
     return Solution(
         magnetometer=magnetometer,
         accelerometer=accelerometer,

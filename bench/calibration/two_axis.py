@@ -113,6 +113,24 @@ def estimated_z_mg(
     return np.asarray((down_mg + level) / (np.cos(pitch_rad) * np.cos(roll_rad)))
 
 
+def checking_z_mg(
+    raw_mg: NDArray[np.float64],
+    estimated_mg: NDArray[np.float64],
+    rows: NDArray[np.bool_] | slice = slice(None),
+) -> NDArray[np.float64]:
+    """Return z of an uncalibrated checking axis, shape (n,), at the estimate's offset and gain.
+
+    Both are taken out by least squares over `rows`.
+
+    Parameters
+    ----------
+    raw_mg, estimated_mg : ndarray, shape (n,)
+        The axis's readings, and the estimates of `estimated_z_mg`.
+    """
+    design = np.column_stack([raw_mg, np.ones(len(raw_mg))])
+    return np.asarray(design @ np.linalg.lstsq(design[rows], estimated_mg[rows], rcond=None)[0])
+
+
 def extended_dip_batch(
     x: ArrayLike,
     y: ArrayLike,

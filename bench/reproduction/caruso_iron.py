@@ -14,7 +14,6 @@ from bench.reproduction.caruso_turn import (
     COUNTS,
     EVERYWHERE_DEG,
     HORIZONTAL_MG,
-    claimed_zero,
     section,
 )
 from bench.reproduction.figures import (
@@ -29,7 +28,7 @@ from bench.reproduction.figures import (
     plane_axes,
 )
 from bench.reproduction.printed_formulas import forty_five_soft_iron
-from bench.reproduction.result import PaperFigure, Published
+from bench.reproduction.result import PaperFigure, Published, claimed_zero
 from bench.reproduction.setup import Setup
 from bench.reproduction.turns import calibration_data, error_deg, largest, turn
 from protocols.angles import wrap_180_deg

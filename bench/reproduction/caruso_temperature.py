@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bench.calibration.compensation import compensated_heading_deg
-from bench.reproduction.caruso_turn import COUNT_16_MG, COUNTS, HORIZONTAL_MG, claimed_zero, section
+from bench.reproduction.caruso_turn import COUNT_16_MG, COUNTS, HORIZONTAL_MG, section
 from bench.reproduction.figures import (
     BLUE,
     GREEN,
@@ -26,7 +26,7 @@ from bench.reproduction.figures import (
     legend_above,
     panels,
 )
-from bench.reproduction.result import PaperFigure, Published
+from bench.reproduction.result import PaperFigure, Published, claimed_zero
 from bench.reproduction.setup import Setup
 from bench.reproduction.turns import error_deg, largest, turn
 

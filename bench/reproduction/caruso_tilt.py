@@ -15,7 +15,6 @@ from bench.reproduction.caruso_turn import (
     EVERYWHERE_DEG,
     HORIZONTAL_MG,
     Swing,
-    claimed_zero,
     exact_error_deg,
     section,
 )
@@ -27,7 +26,7 @@ from bench.reproduction.figures import (
     heading_axis,
     panels,
 )
-from bench.reproduction.result import PaperFigure, Published
+from bench.reproduction.result import PaperFigure, Published, claimed_zero
 from bench.reproduction.setup import Setup
 from bench.reproduction.turns import error_deg, largest, turn
 from protocols.angles import wrap_180_deg

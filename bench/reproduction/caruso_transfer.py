@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.reproduction.caruso_turn import claimed_zero, section
+from bench.reproduction.caruso_turn import section
 from bench.reproduction.figures import (
     BLUE,
     COLOURS,
@@ -23,7 +23,7 @@ from bench.reproduction.figures import (
     note,
     panels,
 )
-from bench.reproduction.result import PaperFigure, Published
+from bench.reproduction.result import PaperFigure, Published, claimed_zero
 from bench.reproduction.setup import Setup
 from bench.reproduction.turns import headings
 

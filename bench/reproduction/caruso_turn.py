@@ -54,38 +54,6 @@ def exact_error_deg(
     return wrap_180_deg(heading_deg(body, *assumed_deg) - EVERYWHERE_DEG)
 
 
-def claimed_zero(
-    where: str,
-    quantity: str,
-    unit: str,
-    ours: float,
-    tolerance: tuple[float, str],
-    *,
-    exact: float | None = None,
-    note: str = "",
-) -> Published:
-    """Return a number that the paper holds to be zero.
-
-    Parameters
-    ----------
-    tolerance : (float, str)
-        Tolerance and its reason.
-    exact : float, optional
-        What physics gives where it is not zero.
-    """
-    return Published(
-        where=where,
-        quantity=quantity,
-        unit=unit,
-        published=0.0,
-        ours=ours,
-        tolerance=tolerance[0],
-        reason=tolerance[1],
-        exact=exact,
-        note=note,
-    )
-
-
 def section(
     numbers: list[Published], figures: list[PaperFigure], remarks: list[str]
 ) -> Reproduction:

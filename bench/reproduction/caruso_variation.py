@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 from bench.calibration.compensation import compensated_heading_deg
 from bench.calibration.geomagnetic import EPOCH, geomagnetic_pole_deg, true_heading_deg
-from bench.reproduction.caruso_turn import COUNTS, HORIZONTAL_MG, claimed_zero, section
-from bench.reproduction.result import Published
+from bench.reproduction.caruso_turn import COUNTS, HORIZONTAL_MG, section
+from bench.reproduction.result import Published, claimed_zero
 from bench.reproduction.setup import Setup
 from bench.reproduction.turns import error_deg, largest, turn
 

@@ -21,7 +21,7 @@ from bench.reproduction.konvalin_iron import (
     skew_deg,
 )
 from bench.reproduction.konvalin_tilt import BANK, ELEVATION_DEG, changes_deg
-from bench.reproduction.result import Published
+from bench.reproduction.result import Published, claimed_zero
 from bench.reproduction.turns import largest
 from protocols.angles import wrap_180_deg
 
@@ -246,17 +246,8 @@ def _order_kept(left_deg: float) -> Published:
 def _order_claim(
     where: str, quantity: str, exact_deg: float, left_deg: float, note: str
 ) -> Published:
-    return Published(
-        where=where,
-        quantity=quantity,
-        unit="deg",
-        published=0.0,
-        exact=exact_deg,
-        ours=left_deg,
-        tolerance=0.1,
-        reason=ROUNDED,
-        note=note,
-    )
+    tolerance = (0.1, ROUNDED)
+    return claimed_zero(where, quantity, "deg", left_deg, tolerance, exact=exact_deg, note=note)
 
 
 def _roundness(found: Corrected) -> float:

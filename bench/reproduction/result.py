@@ -70,6 +70,38 @@ class Published:
         }
 
 
+def claimed_zero(
+    where: str,
+    quantity: str,
+    unit: str,
+    ours: float,
+    tolerance: tuple[float, str],
+    *,
+    exact: float | None = None,
+    note: str = "",
+) -> Published:
+    """Return a number that the paper holds to be zero.
+
+    Parameters
+    ----------
+    tolerance : (float, str)
+        Tolerance and its reason.
+    exact : float, optional
+        What physics gives where it is not zero.
+    """
+    return Published(
+        where=where,
+        quantity=quantity,
+        unit=unit,
+        published=0.0,
+        ours=ours,
+        tolerance=tolerance[0],
+        reason=tolerance[1],
+        exact=exact,
+        note=note,
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperFigure:
     """One figure: drawn only when it is written, as matplotlib takes a while to import.

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -106,8 +107,7 @@ def test_a_disturbed_pose_of_the_truth_aided_fit_is_named(
     field_mg = data.field_mg.copy()
     field_mg[30] += [4.0, -3.0, 2.0]
     poses = rig_poses(*eol_deg.T)
-    noise = {"field_sd_mg": data.field_sd_mg, "accel_sd_g": data.accel_sd_g}
-    start = started(poses, field_mg, data.accel_g, station_field_mg=data.station_field_mg, **noise)
+    start = started(poses, replace(data, field_mg=field_mg))
     residual, jacobian = whitened(solved(start, poses, data.rig_sd_deg), poses, data.rig_sd_deg)
     found = disturbed_poses(residual.reshape(72, 6), jacobian.reshape(72, 6, -1))
     assert [one.pose for one in found] == [30]

@@ -185,9 +185,7 @@ def test_an_undisturbed_run_names_no_pose_and_keeps_its_numbers(drawn: Callable[
     for seed in range(30):
         data = drawn(seed).data
         poses = rig_poses(data.azimuth_deg, data.pitch_deg, data.roll_deg)
-        noise = {"field_sd_mg": data.field_sd_mg, "accel_sd_g": data.accel_sd_g}
-        station_mg = data.station_field_mg
-        start = started(poses, data.field_mg, data.accel_g, station_field_mg=station_mg, **noise)
+        start = started(poses, data)
         solution = solved(start, poses, data.rig_sd_deg)
         searched += outstanding(solution, poses, data.rig_sd_deg)
         fit = fit_truth_aided(data)

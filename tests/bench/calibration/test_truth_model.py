@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -96,14 +97,7 @@ def test_rank_by_tilts_is_that_of_theory(
 def test_jacobian_is_that_of_differences(drawn: Callable[..., Any]) -> None:
     data = drawn(1, rig_sd_deg=0.0, azimuth_deg=1.0).data
     poses = rig_poses(data.azimuth_deg, data.pitch_deg, data.roll_deg)
-    state = started(
-        poses,
-        data.field_mg,
-        data.accel_g,
-        field_sd_mg=0.35,
-        accel_sd_g=0.0005,
-        station_field_mg=data.station_field_mg,
-    )
+    state = started(poses, replace(data, field_sd_mg=0.35, accel_sd_g=0.0005))
     residual, jacobian = whitened(state, poses, 0.0)
     assert jacobian.shape == (72 * 6, 28)
     for column in range(28):
@@ -119,14 +113,8 @@ def test_solution_does_not_depend_on_the_station_s_azimuth(drawn: Callable[..., 
     poses = rig_poses(data.azimuth_deg, data.pitch_deg, data.roll_deg)
 
     def azimuth_rad(station: NDArray[np.float64]) -> float:
-        start = started(
-            poses,
-            data.field_mg,
-            data.accel_g,
-            field_sd_mg=0.35,
-            accel_sd_g=0.0005,
-            station_field_mg=station,
-        )
+        sds = {"field_sd_mg": 0.35, "accel_sd_g": 0.0005}
+        start = started(poses, replace(data, station_field_mg=station, **sds))
         return solved(start, poses, 0.02).azimuth_rad
 
     turned = ned_from_body(25.0, 0.0, 0.0) @ data.station_field_mg
