@@ -9,7 +9,7 @@ from typing import Any, Final
 from bench.limit_set import LimitsFile
 from bench.procedure import Procedure
 from bench.shipped import find_file, shipped_names
-from bench.station import StationFile
+from bench.station_file import StationFile
 from bench.typed_yaml import FileModel, load_model
 
 _MODELS: Final[dict[str, type[FileModel]]] = {

@@ -9,103 +9,62 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from datetime import date
-from typing import TYPE_CHECKING, Annotated, Final, Self
-
-from pydantic import StringConstraints, model_validator
+from typing import TYPE_CHECKING
 
 from bench.errors import BenchNotReady
-from bench.quantity import Degrees, Metres, Milligauss
+from bench.quantity import format_quantity
 from bench.shipped import file_sha256, find_file
-from bench.typed_yaml import FileModel, load_model
+from bench.station_file import RigEntry, StationFile
+from bench.typed_yaml import load_model
 
 if TYPE_CHECKING:
+    from datetime import date
     from pathlib import Path
 
-STRONGEST_MG: Final = 1000.0
-"""Strongest field of a station; the Earth's is at most 700 mG."""
-_UNCERTAINTIES: Final = (
-    "horizontal_uncertainty",
-    "dip_uncertainty",
-    "field_azimuth_uncertainty",
-    "rig_angle_uncertainty",
-)
+    from bench.station_file import ModelGate, ReferenceEntry, SeatEntry
 
 
-class ModelGate(FileModel):
-    """Gate of the station's field against the World Magnetic Model; it never judges a unit."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seat:
+    """The seat that holds the unit, against the rig's inner axis; `u_` are expanded (k = 2).
 
-    latitude: Degrees
-    """Geodetic latitude, north positive."""
-    longitude: Degrees
-    """Longitude, east positive."""
-    altitude: Metres = 0.0
-    """Height above the ellipsoid."""
-    date: date
-    """Day for which the model is evaluated."""
-    field_tolerance: Milligauss = 30.0
-    """Largest difference of the horizontal field; buildings bend it."""
-    dip_tolerance: Degrees = 3.0
-    """Largest difference of the dip."""
+    `index_deg` is its turn about down, clockwise: forward of the seat points to rig azimuth +
+    index. `iron_mg` is the field of the fixture's own iron in the seat's frame, shape (3,).
+    """
+
+    index_deg: float = 0.0
+    iron_mg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    u_index_deg: float = 0.0
+    u_level_deg: float = 0.0
+    u_iron_mg: float = 0.0
+    verified: date | None = None
+    golden: str = ""
 
 
-class StationFile(FileModel):
-    """A station file."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surroundings:
+    """What else is uncertain at a station, expanded (k = 2).
 
-    name: Annotated[str, StringConstraints(min_length=1, max_length=60)]
-    """Name of the station in every record."""
-    horizontal: Milligauss
-    """Horizontal field at the seat."""
-    dip: Degrees
-    """Dip at the seat, positive down."""
-    declination: Degrees = 0.0
-    """East declination: true heading = magnetic heading + declination."""
-    field_azimuth: Degrees = 0.0
-    """Azimuth of magnetic north against the rig's zero, clockwise."""
-    horizontal_uncertainty: Milligauss
-    """U (k = 2) of the horizontal field."""
-    dip_uncertainty: Degrees
-    """U (k = 2) of the dip."""
-    field_azimuth_uncertainty: Degrees
-    """U (k = 2) of the field's azimuth."""
-    rig_angle_uncertainty: Degrees
-    """U (k = 2) of each of the rig's angles."""
-    model_gate: ModelGate | None = None
-    """Gate against the World Magnetic Model; none: not checked."""
+    `u_one_cycle_deg`, `u_two_cycle_deg` and `u_fine_deg` are parts of each encoder's error;
+    `u_squareness_deg` of the axes, `u_base_level_deg` of the base; `u_drift_mg` is the field's
+    change over a run and `u_gradient_mg` its difference between the axes' crossing and the sensor.
+    """
 
-    @model_validator(mode="after")
-    def _is_possible(self) -> Self:
-        if not 1.0 <= self.horizontal <= 800.0:
-            message = (
-                f"horizontal must be from 1 mG to 800 mG; instead received {self.horizontal:g} mG"
-            )
-            raise ValueError(message)
-        if not -89.0 <= self.dip <= 89.0:
-            message = f"dip must be from -89 deg to 89 deg; instead received {self.dip:g} deg"
-            raise ValueError(message)
-        strength_mg = self.horizontal / math.cos(math.radians(self.dip))
-        if strength_mg > STRONGEST_MG:
-            message = (
-                f"field of horizontal and dip must be at most {STRONGEST_MG:g} mG; "
-                f"instead received {strength_mg:.0f} mG"
-            )
-            raise ValueError(message)
-        return self
+    u_one_cycle_deg: float = 0.0
+    u_two_cycle_deg: float = 0.0
+    u_fine_deg: float = 0.0
+    u_squareness_deg: float = 0.0
+    u_base_level_deg: float = 0.0
+    u_drift_mg: float = 0.0
+    u_gradient_mg: float = 0.0
 
-    @model_validator(mode="after")
-    def _angles_and_uncertainties_are_possible(self) -> Self:
-        for name in ("declination", "field_azimuth"):
-            if not abs(getattr(self, name)) <= 360.0:
-                message = (
-                    f"{name} must be from -360 deg to 360 deg; "
-                    f"instead received {getattr(self, name):g} deg"
-                )
-                raise ValueError(message)
-        for name in _UNCERTAINTIES:
-            if getattr(self, name) < 0.0:
-                message = f"{name} must not be negative; instead received {getattr(self, name):g}"
-                raise ValueError(message)
-        return self
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferenceSensor:
+    """The station's reference magnetometer: its address, and the change that spoils a pose."""
+
+    address: int
+    change_mg: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +84,9 @@ class Station:
     u_dip_deg: float
     u_field_azimuth_deg: float
     u_rig_deg: float
+    seat: Seat
+    surroundings: Surroundings
+    reference: ReferenceSensor | None
     model_gate: ModelGate | None
     sha256: str
     path: Path
@@ -150,10 +112,51 @@ def load_station(name: str, *, beside: Path | None = None) -> Station:
         u_dip_deg=file.dip_uncertainty,
         u_field_azimuth_deg=file.field_azimuth_uncertainty,
         u_rig_deg=file.rig_angle_uncertainty,
+        seat=_seat(file.seat),
+        surroundings=_surroundings(file),
+        reference=_reference(file.reference),
         model_gate=file.model_gate,
         sha256=file_sha256(path),
         path=path,
     )
+
+
+def _seat(entry: SeatEntry) -> Seat:
+    return Seat(
+        index_deg=entry.index,
+        iron_mg=entry.iron,
+        u_index_deg=entry.index_uncertainty,
+        u_level_deg=entry.level_uncertainty,
+        u_iron_mg=entry.iron_uncertainty,
+        verified=entry.verified,
+        golden=entry.golden,
+    )
+
+
+def _surroundings(file: StationFile) -> Surroundings:
+    rig = file.rig
+    if rig is None:
+        third_deg = file.rig_angle_uncertainty / math.sqrt(3.0)
+        rig = RigEntry(
+            one_cycle_uncertainty=format_quantity(third_deg, "deg"),
+            two_cycle_uncertainty=format_quantity(third_deg, "deg"),
+            fine_uncertainty=format_quantity(third_deg, "deg"),
+        )
+    return Surroundings(
+        u_one_cycle_deg=rig.one_cycle_uncertainty,
+        u_two_cycle_deg=rig.two_cycle_uncertainty,
+        u_fine_deg=rig.fine_uncertainty,
+        u_squareness_deg=rig.squareness_uncertainty,
+        u_base_level_deg=rig.base_level_uncertainty,
+        u_drift_mg=file.surroundings.drift_uncertainty,
+        u_gradient_mg=file.surroundings.gradient_uncertainty,
+    )
+
+
+def _reference(entry: ReferenceEntry | None) -> ReferenceSensor | None:
+    if entry is None:
+        return None
+    return ReferenceSensor(address=entry.address, change_mg=entry.change)
 
 
 def check_model_gate(station: Station, horizontal_mg: float, dip_deg: float) -> None:
