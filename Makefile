@@ -14,7 +14,7 @@ unexport PYTHONPATH PYTHONHOME PIP_USER PIP_TARGET
 export PYTHONNOUSERSITE := 1
 
 .DELETE_ON_ERROR:
-.PHONY: run test lint types check vcan good-units benchmark peers papers lock generated compiled clean FORCE
+.PHONY: run test lint types check vcan good-units benchmark accuracy peers papers lock generated compiled clean FORCE
 
 run: $(VENV)/runtime.ok compiled
 	$(BIN)/compass-bench run eol_three_axis --serial SN0001 --out runs
@@ -44,6 +44,13 @@ benchmark: $(VENV)/dev.ok compiled
 	$(BIN)/python benchmarks/fits.py
 	$(BIN)/python benchmarks/estimators.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/poses.py
+	$(BIN)/python benchmarks/adaptive.py
+	$(BIN)/python benchmarks/bridge.py
+	$(BIN)/python benchmarks/uncertainty.py
+
+# What the calibration reaches, what it claims, and what the peers reach, all of them in one run.
+accuracy: $(VENV)/dev.ok compiled
+	$(BIN)/python benchmarks/accuracy.py
 
 # Public packages on the same readings, each in an environment of its own under build/peers/.
 peers: $(VENV)/runtime.ok compiled

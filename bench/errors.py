@@ -6,6 +6,8 @@ BenchError
 ├── ModuleRefused                    the module answered with a negative response    exit 4
 ├── RigFault                         a drive is in fault, silent or does not settle  exit 4
 ├── BusFault                         frames dropped, bus off, simulator gone         exit 4
+├── ReferenceSilent(TimeoutError)    the reference magnetometer stopped sending      exit 4
+├── FieldChanged                     the field at the station is not what it was     exit 4
 ├── BenchNotReady                    station record, site or files of a run unusable exit 4
 └── Aborted                          the operator or a signal ended the run          exit 130, 143
 """
@@ -53,6 +55,14 @@ class RigFault(BenchError):
 
 class BusFault(BenchError):
     """Frames were dropped, the bus is off, or the simulator is gone."""
+
+
+class ReferenceSilent(BenchError, TimeoutError):
+    """The station's reference magnetometer does not send."""
+
+
+class FieldChanged(BenchError):
+    """The field at the station has changed during the run and does not come back."""
 
 
 class BenchNotReady(BenchError):

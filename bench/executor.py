@@ -14,7 +14,16 @@ from typing import TYPE_CHECKING, Final
 
 from bench.acceptance.outcome import Outcome
 from bench.acceptance.verdict import verdict_of
-from bench.errors import Aborted, BenchError, BusFault, ModuleRefused, ModuleSilent, RigFault
+from bench.errors import (
+    Aborted,
+    BenchError,
+    BusFault,
+    FieldChanged,
+    ModuleRefused,
+    ModuleSilent,
+    ReferenceSilent,
+    RigFault,
+)
 from bench.plan import plan_of
 from bench.safe_state import SafeState
 from bench.signals import SignalWatch
@@ -35,6 +44,8 @@ FAULT_NAMES: Final[dict[type[Exception], str]] = {
     ModuleRefused: "module_refused",
     RigFault: "rig_fault",
     BusFault: "bus_fault",
+    ReferenceSilent: "reference_silent",
+    FieldChanged: "field_changed",
 }
 OTHER_FAULT: Final = "bench_fault"
 """What stands as the first failure of a run that ended by an error before any measurement did."""
@@ -105,7 +116,8 @@ class _Run:
         context = self._context
         try:
             context.started_s = context.bus.now_s
-            context.expected_s = plan_of(self._procedure).duration_s
+            plan = plan_of(self._procedure, with_reference=context.reference is not None)
+            context.expected_s = plan.duration_s
             context.record_station()
             for step in self._procedure.steps:
                 self.run_step(step)
@@ -195,7 +207,12 @@ class _Run:
     def finish(self) -> list[str]:
         """Write the bus's section and close the files of the run; return what failed."""
         failures: list[str] = []
-        for name, action in (("record the bus", self._context.record_bus), *self._context.finish):
+        context = self._context
+        own = (
+            ("record the bus", context.record_bus),
+            ("record the field watch", context.record_field_watch),
+        )
+        for name, action in (*own, *context.finish):
             try:
                 action()
             except BenchError as fault:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field, Strict, StringConstraints, model_validator
 
-from bench.acceptance.catalogue import MEASUREMENTS
+from bench.acceptance.catalogue import BUDGETED, MEASUREMENTS
 from bench.acceptance.measurement import Limit
 from bench.acceptance.outcome import Outcome
 from bench.errors import ConfigError
+from bench.part_data import PartData  # noqa: TC001  (pydantic reads it)
 from bench.quantity import parse_quantity
 from bench.shipped import file_sha256, find_file
 from bench.typed_yaml import FileModel, load_model
@@ -19,6 +20,8 @@ from bench.typed_yaml import FileModel, load_model
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
+
+    from bench.uncertainty.unit_data import UnitData
 
 Number = Annotated[float, Strict()]
 """A plain number; true and false are none."""
@@ -34,9 +37,11 @@ class LimitEntry(FileModel):
     unit: str = ""
     """Unit of the measured value; empty for a plain number."""
     uncertainty: str | Number = 0.0
-    """Expanded uncertainty U (k = 2) of the measured value."""
+    """Expanded uncertainty U (k = 2) of the measured value; none where it is computed."""
     guard_band: str | Number = 0.0
     """Width inside the tolerance limits in which the outcome is MARGINAL."""
+    guard_factor: Annotated[float, Strict(), Field(ge=0.0, le=10.0)] | None = None
+    """In the place of guard_band: the width is this many U."""
     missed: Literal["FAIL", "ERROR"] = "FAIL"
     """Outcome outside the limits: FAIL for the unit, ERROR for the bench."""
     description: str
@@ -53,6 +58,9 @@ class LimitEntry(FileModel):
         band = self._value("guard_band") or 0.0
         if (self._value("uncertainty") or 0.0) < 0.0 or band < 0.0:
             message = "uncertainty and guard_band must not be negative"
+            raise ValueError(message)
+        if self.guard_factor is not None and "guard_band" in self.model_fields_set:
+            message = "guard_factor and guard_band must not stand together"
             raise ValueError(message)
         if low is not None and high is not None and low + 2.0 * band > high:
             message = (
@@ -77,6 +85,7 @@ class LimitEntry(FileModel):
             high=self._value("high"),
             uncertainty=self._value("uncertainty") or 0.0,
             guard_band=self._value("guard_band") or 0.0,
+            guard_factor=self.guard_factor,
             missed=Outcome(self.missed),
             description=self.description,
             action=self.action,
@@ -92,19 +101,25 @@ class LimitsFile(FileModel):
     """Version, major.minor; every change of the file raises it."""
     description: str = ""
     """For which units and site the limits were computed."""
+    unit: PartData | None = None
+    """Data of the part; with them U of level_max, level_rms, tilt_max and tilt_rms is computed."""
     measurements: Annotated[dict[str, LimitEntry], Field(min_length=1)]
     """Limits by name of the measurement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitSet:
-    """The limits of a run by name of the measurement, with their identity."""
+    """The limits of a run by name of the measurement, with their identity.
+
+    `unit` are the part's type B data, None where the file has none.
+    """
 
     id: str
     version: str
     sha256: str
     path: Path
     by_name: Mapping[str, Limit]
+    unit: UnitData | None = None
 
     def get(self, name: str) -> Limit | None:
         """Return the limit of a measurement, or None if it only informs."""
@@ -144,9 +159,15 @@ def load_limits(name: str, *, beside: Path | None = None) -> LimitSet:
                 message = f"{path}: measurement {each!r} has limits twice"
                 raise ConfigError(message)
             _require_known(path, each, entry.unit)
+            _require_uncertainty(path, each, entry, computed=file.unit is not None)
             by_name[each] = entry.limit(each)
     return LimitSet(
-        id=file.id, version=file.version, sha256=file_sha256(path), path=path, by_name=by_name
+        id=file.id,
+        version=file.version,
+        sha256=file_sha256(path),
+        path=path,
+        by_name=by_name,
+        unit=file.unit.data() if file.unit else None,
     )
 
 
@@ -161,6 +182,23 @@ def _require_known(path: Path, name: str, unit: str) -> None:
         message = (
             f"{path}: unit of {name} must be {kind.unit or 'left out'}; "
             f"instead received {unit or 'none'}"
+        )
+        raise ConfigError(message)
+
+
+def _require_uncertainty(path: Path, name: str, entry: LimitEntry, *, computed: bool) -> None:
+    """Check that a guard band in multiples of U has one U, the file's or the computed one."""
+    stated = "uncertainty" in entry.model_fields_set
+    if computed and name in BUDGETED:
+        if stated:
+            message = (
+                f"{path}: uncertainty of {name} must be left out: it is computed from section unit"
+            )
+            raise ConfigError(message)
+    elif entry.guard_factor is not None and not stated:
+        message = (
+            f"{path}: guard_factor of {name} needs its uncertainty"
+            f"{' or a section unit' if name in BUDGETED else ''}"
         )
         raise ConfigError(message)
 

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Final
 
 from bench.errors import ConfigError
 from bench.pose import Attitude
+from bench.steps.adaptive_poses import AdaptivePoses
 from bench.steps.fit import FitMethods
 from bench.steps.poses import Poses
 from bench.steps.sweep import Sweep
 from bench.travel import RIG_PROFILE, SETTLE_S, azimuth_path_deg, require_reachable, travel_time_s
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Sequence
 
     from bench.calibration.method_names import MethodName
     from bench.calibration.planned_poses import Prediction
@@ -55,12 +56,18 @@ class PlannedMove:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannedStep:
-    """One step with its number of dwells and its time."""
+    """One step with its number of dwells and its time.
+
+    `most_poses` and `longest_s` differ from those to expect where the run decides itself when to
+    end.
+    """
 
     name: str
     kind: str
     poses: int
     duration_s: float
+    most_poses: int
+    longest_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,6 +78,8 @@ class Plan:
     ----------
     duration_s : float
         Expected time of the whole run, parking included.
+    longest_s : float
+        The same where every step that decides itself when to end goes on to its most poses.
     wound_low_deg, wound_high_deg : float
         How far the azimuth winds the cable.
     samples : int
@@ -82,13 +91,16 @@ class Plan:
     steps: tuple[PlannedStep, ...]
     moves: tuple[PlannedMove, ...]
     duration_s: float
+    longest_s: float
     wound_low_deg: float
     wound_high_deg: float
     samples: int
 
 
-def plan_of(procedure: Procedure) -> Plan:
+def plan_of(procedure: Procedure, *, with_reference: bool = True) -> Plan:
     """Lay a procedure out.
+
+    Where the station has no reference magnetometer, sentinel poses are visited as well.
 
     Raises
     ------
@@ -101,16 +113,23 @@ def plan_of(procedure: Procedure) -> Plan:
     for step in procedure.walk():
         if step.children():
             continue
-        own: list[PlannedMove] = []
-        for pose in step.poses():
-            move = _move(len(moves) + len(own), step, pose, present)
-            own.append(move)
-            present = _wound(move)
-        duration_s = step.duration_s() + sum(move.travel_s + move.dwell_s for move in own)
+        dwells = step.dwells(with_reference=with_reference)
+        own = _moves(len(moves), step, dwells, present)
+        most = own
+        if isinstance(step, AdaptivePoses):
+            most = _moves(len(moves), step, step.longest_poses(), present)
         steps.append(
-            PlannedStep(name=step.name, kind=step.kind, poses=len(own), duration_s=duration_s)
+            PlannedStep(
+                name=step.name,
+                kind=step.kind,
+                poses=len(own),
+                duration_s=step.duration_s() + _seconds(own),
+                most_poses=len(most),
+                longest_s=step.duration_s() + _seconds(most),
+            )
         )
         moves += own
+        present = _wound(own[-1]) if own else present
     parking_s = travel_time_s(present, Attitude(azimuth_deg=0.0)) if moves else 0.0
     wound_deg = [0.0, *(move.azimuth_wound_deg for move in moves)]
     return Plan(
@@ -119,10 +138,25 @@ def plan_of(procedure: Procedure) -> Plan:
         steps=tuple(steps),
         moves=tuple(moves),
         duration_s=sum(step.duration_s for step in steps) + parking_s,
+        longest_s=sum(step.longest_s for step in steps) + parking_s,
         wound_low_deg=min(wound_deg),
         wound_high_deg=max(wound_deg),
         samples=round(sum(move.dwell_s for move in moves) * SAMPLES_PER_S),
     )
+
+
+def _moves(
+    position: int, step: Step, poses: Sequence[PlannedPose], present: Attitude
+) -> list[PlannedMove]:
+    moves: list[PlannedMove] = []
+    for pose in poses:
+        moves.append(_move(position + len(moves), step, pose, present))
+        present = _wound(moves[-1])
+    return moves
+
+
+def _seconds(moves: Iterable[PlannedMove]) -> float:
+    return sum(move.travel_s + move.dwell_s for move in moves)
 
 
 def _move(position: int, step: Step, pose: PlannedPose, present: Attitude) -> PlannedMove:
@@ -153,11 +187,11 @@ def _wound(move: PlannedMove) -> Attitude:
 
 
 def calibration_attitudes(procedure: Procedure) -> list[Attitude]:
-    """Return the attitudes that the procedure's fits will see."""
+    """Return the attitudes that the procedure's fits will see, as far as they can be foreseen."""
     return [
         pose.attitude
         for step in procedure.walk()
-        if isinstance(step, Sweep | Poses)
+        if isinstance(step, Sweep | Poses | AdaptivePoses)
         for pose in step.poses()
     ]
 
@@ -229,18 +263,23 @@ def expected_load_percent(
     modules: int = 1,
     module_rate_hz: float = 100.0,
     with_rig: bool = True,
+    with_reference: bool = True,
     bitrate: int = BITRATE,
 ) -> float:
     """Return the load of one bus at worst-case stuffing, in per cent.
 
     Every module sends four protected frames a cycle, status and vehicle direction at 10 Hz;
-    SYNC and three drives' positions come at 100 Hz, heartbeats at 10 and 2 Hz.
+    SYNC, three drives' positions and the reference magnetometer's field come at 100 Hz,
+    heartbeats at 10 and 2 Hz.
     """
     from protocols.bus_load import bus_load_percent
 
-    return bus_load_percent(
-        _frames(modules, module_rate_hz, with_rig=with_rig), bitrate, worst=True
-    )
+    frames = _frames(modules, module_rate_hz, with_rig=with_rig)
+    if with_reference:
+        from protocols.reference_field import REFERENCE_ADDRESS, reference_field_id
+
+        frames[reference_field_id(REFERENCE_ADDRESS)] = (STANDARD_LENGTH, 100.0)
+    return bus_load_percent(frames, bitrate, worst=True)
 
 
 def require_load(load_percent: float) -> None:
@@ -260,9 +299,7 @@ def require_load(load_percent: float) -> None:
         raise ConfigError(message)
 
 
-def _frames(
-    modules: int, module_rate_hz: float, *, with_rig: bool
-) -> Mapping[int, tuple[int, float]]:
+def _frames(modules: int, module_rate_hz: float, *, with_rig: bool) -> dict[int, tuple[int, float]]:
     from protocols.canopen import AXIS_NODES, BENCH_NODE, heartbeat_id
     from protocols.compass import (
         STATUS_PERIOD_TICKS,

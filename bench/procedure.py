@@ -6,16 +6,19 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
+from bench.steps.adaptive_poses import AdaptivePoses
 from bench.steps.check_bus import CheckBus
 from bench.steps.collect import Collect
 from bench.steps.compare import Compare
 from bench.steps.fit import FitMethods
 from bench.steps.home import Home
 from bench.steps.identify import Identify
+from bench.steps.mount import Mount
 from bench.steps.noise import Noise
 from bench.steps.poses import Poses
 from bench.steps.prompt import Prompt
 from bench.steps.returns import Returns
+from bench.steps.reversal import Reversal
 from bench.steps.set_reset import SetReset
 from bench.steps.step import Step, StepName
 from bench.steps.sweep import Sweep
@@ -78,12 +81,15 @@ AnyStep = Annotated[
     | Noise
     | Sweep
     | Poses
+    | AdaptivePoses
     | FitMethods
     | Write
     | Verify
     | Compare
     | Returns
     | Collect
+    | Mount
+    | Reversal
     | Wait
     | Prompt
     | Group
@@ -165,6 +171,26 @@ class Procedure(FileModel):
         return self
 
     @model_validator(mode="after")
+    def _a_reversal_has_its_mountings(self) -> Self:
+        declared = list(self._declared(self.steps))
+        mounts = [step for step in declared if isinstance(step, Mount)]
+        for place, step in enumerate(declared):
+            before = {other.mounting for other in declared[:place] if isinstance(other, Mount)}
+            if isinstance(step, Reversal) and len(before) < 2:
+                message = (
+                    f"step {step.name} must come after at least two different mountings; "
+                    f"instead received {len(before)}"
+                )
+                raise ValueError(message)
+            if mounts and isinstance(step, FitMethods | Write | Verify):
+                message = (
+                    f"step {step.name} must not stand in a procedure that remounts the unit: "
+                    "its coefficients would be those of several mountings"
+                )
+                raise ValueError(message)
+        return self
+
+    @model_validator(mode="after")
     def _verification_poses_are_others(self) -> Self:
         declared = list(self._declared(self.steps))
         used = [
@@ -172,6 +198,12 @@ class Procedure(FileModel):
             for step in declared
             if isinstance(step, Sweep | Poses)
             for pose in step.poses()
+        ]
+        used += [
+            attitude
+            for step in declared
+            if isinstance(step, AdaptivePoses)
+            for attitude in step.candidates()
         ]
         for step in declared:
             for pose in step.poses() if isinstance(step, Verify | Compare) else ():

@@ -21,6 +21,7 @@ _UNITS: Final[dict[str, dict[str, float]]] = {
     "s": {"s": 1.0, "ms": 1e-3, "min": 60.0},
     "mG": {"mG": 1.0, "G": 1e3, "uT": 10.0, "µT": 10.0, "nT": 0.01},
     "g": {"g": 1.0, "mg": 1e-3},
+    "g/degC": {"g/degC": 1.0, "mg/degC": 1e-3, "g/K": 1.0, "mg/K": 1e-3},
     "mA": {"mA": 1.0, "A": 1e3},
     "degC": {"degC": 1.0, "°C": 1.0, "K": 1.0},
     "%": {"%": 1.0},
@@ -39,7 +40,7 @@ def parse_quantity(value: object, unit: str) -> float:
     value : str
         Number and unit, such as ``"0.5 deg"``.
     unit : str
-        Canonical unit to return: deg, s, mG, g, mA, degC, %, G, Hz or m; the empty string
+        Canonical unit to return: deg, s, mG, g, g/degC, mA, degC, %, G, Hz or m; the empty string
         means a plain number.
 
     Raises
@@ -119,5 +120,11 @@ Seconds = Annotated[
 """A duration in seconds, above zero."""
 Milligauss = Annotated[float, BeforeValidator(partial(_load, "mG")), _writer("mG"), _schema("mG")]
 """A magnetic field in mG."""
+Acceleration = Annotated[float, BeforeValidator(partial(_load, "g")), _writer("g"), _schema("g")]
+"""A specific force in g."""
+AccelerationPerDegree = Annotated[
+    float, BeforeValidator(partial(_load, "g/degC")), _writer("g/degC"), _schema("g/degC")
+]
+"""A change of specific force with temperature, in g per deg C."""
 Metres = Annotated[float, BeforeValidator(partial(_load, "m")), _writer("m"), _schema("m")]
 """A length in m."""

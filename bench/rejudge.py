@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from bench.acceptance.outcome import Outcome
 from bench.acceptance.verdict import Verdict, judge_measurement, verdict_of
 from bench.errors import ConfigError
 from bench.record.document import read_record
-from bench.record.entries import limits_of, measurement_of
+from bench.record.entries import limits_of, measurement_entry, measurement_of
+from bench.recorded_uncertainty import differing_uncertainty
 from bench.run_samples import RunSamples
 from bench.steps.fit import FitMethods
 
@@ -24,10 +25,23 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from bench.acceptance.measurement import Limit, Measurement
+    from bench.station import Station
     from bench.steps.step import Step
+    from bench.uncertainty.unit_data import UnitData
 
 LARGEST_DIFFERENCE: Final = 1e-9
 """Relative difference up to which a recomputed value is the recorded one."""
+DECISION_KEYS: Final = ("uncertainty", "guard_band", "tur", "conformity")
+"""What follows from the value, the limits and the uncertainty, and is compared as well."""
+
+
+class _Rules(NamedTuple):
+    """What a run is judged by: limits, their name, the part's data, whether they are its own."""
+
+    by_name: Mapping[str, Limit]
+    name: str
+    unit: UnitData | None
+    own: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +57,8 @@ class Rejudged:
     recorded : Outcome or None
         Outcome in the record; None if the run did not end.
     differing : list of str
-        ``step/name`` of measurements whose recomputed value is not the recorded one.
+        ``step/name`` of measurements whose recomputed value is not the recorded one; with a word
+        behind it, one whose uncertainty, guard band, TUR or conformity is not.
     limits_name : str
         Identity and version of the limits.
     """
@@ -70,45 +85,67 @@ def rejudge(run_dir: Path, limits_path: Path | None = None) -> Rejudged:
     ------
     ConfigError
         If the folder holds no record, a file of it cannot be read, or the limits asked for
-        lack a measurement that the run was held against.
+        lack a measurement that the run was held against, or ask for an uncertainty that the
+        folder does not give.
     """
     record = read_record(run_dir)
-    limits, limits_name = _limits(run_dir, record, limits_path)
+    rules = _rules(run_dir, record, limits_path)
     steps = _own_steps(run_dir, record)
     methods = {n: tuple(s.methods) for n, s in steps.items() if isinstance(s, FitMethods)}
-    recomputed = RunSamples(run_dir, record, methods).measurements()
+    station = None if rules.unit is None else _own_station(run_dir, record, rules.name)
+    samples = RunSamples(run_dir, record, methods, station=station, unit=rules.unit)
+    recomputed = samples.measurements()
     measurements, differing = [], []
     for entry in record["measurements"]:
         recorded = measurement_of(entry)
         fresh = _again(recorded, recomputed)
+        judged = judge_measurement(fresh, rules.by_name)
         if not _same(fresh.value, recorded.value):
             differing.append(f"{recorded.step}/{recorded.name}")
-        measurements.append(judge_measurement(fresh, limits))
+        elif rules.own:
+            differing += _decided_otherwise(judged, entry)
+        measurements.append(judged)
+    if rules.own:
+        section = record.get("uncertainty") or {}
+        differing += differing_uncertainty(
+            section, samples.verifications, measurements, samples.site
+        )
     return Rejudged(
         measurements=measurements,
         verdict=_verdict(record, measurements, steps),
         recorded=Outcome(record["verdict"]["outcome"]) if record["verdict"] else None,
         differing=differing,
-        limits_name=limits_name,
+        limits_name=rules.name,
     )
 
 
-def _limits(
-    run_dir: Path, record: Mapping[str, Any], limits_path: Path | None
-) -> tuple[Mapping[str, Limit], str]:
+def _rules(run_dir: Path, record: Mapping[str, Any], limits_path: Path | None) -> _Rules:
     from bench.limit_set import load_limits
 
     if limits_path is not None:
         chosen = load_limits(str(limits_path))
         chosen.require(limits_of(record))
-        return chosen.by_name, f"{chosen.id} {chosen.version}"
+        return _Rules(chosen.by_name, f"{chosen.id} {chosen.version}", chosen.unit, own=False)
     config = record["config"]
     path = _own_file(run_dir, config.get("limits_sha256"))
     if path is not None:
         own = load_limits(str(path))
-        return own.by_name, f"{own.id} {own.version}"
+        return _Rules(own.by_name, f"{own.id} {own.version}", own.unit, own=True)
     name = f"{config.get('limits_id', '')} {config.get('limits_version', '')}".strip()
-    return limits_of(record), f"{name or 'limits'} as recorded"
+    return _Rules(limits_of(record), f"{name or 'limits'} as recorded", None, own=False)
+
+
+def _own_station(run_dir: Path, record: Mapping[str, Any], limits_name: str) -> Station:
+    from bench.station import load_station
+
+    path = _own_file(run_dir, record["config"].get("station_sha256"))
+    if path is None:
+        message = (
+            f"{run_dir}: config must hold the run's own station file, unchanged, to compute the "
+            f"uncertainty that limits {limits_name} ask for; instead it does not"
+        )
+        raise ConfigError(message)
+    return load_station(str(path))
 
 
 def _again(
@@ -120,7 +157,23 @@ def _again(
     fresh = recomputed.get((recorded.step, recorded.name, recorded.attempt))
     if fresh is None:
         return replace(recorded, value=math.nan, note="the samples do not give it")
-    return replace(recorded, value=fresh.value, unit=fresh.unit, note=fresh.note)
+    return replace(
+        recorded, value=fresh.value, unit=fresh.unit, note=fresh.note, spread=fresh.spread
+    )
+
+
+def _decided_otherwise(judged: Measurement, entry: Mapping[str, Any]) -> list[str]:
+    """Return which parts of the decision are not the recorded ones, ``step/name part``."""
+    again = measurement_entry(judged)
+    return [
+        f"{judged.step}/{judged.name} {key}"
+        for key in DECISION_KEYS
+        if key in entry and not _same(_number(again[key]), _number(entry[key]))
+    ]
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 def _same(fresh: float, recorded: float) -> bool:

@@ -12,9 +12,9 @@ from bench.acceptance.catalogue import MEASUREMENTS
 from bench.acceptance.measurement import Measurement
 from bench.acceptance.outcome import Outcome, worst
 from bench.acceptance.verdict import judge_measurement, last_attempts
-from bench.errors import BusFault, ConfigError, ModuleRefused, ModuleSilent
-from bench.pairing import PAIRED_WITHIN_NS
-from bench.pose import Pose
+from bench.errors import ConfigError, ModuleRefused
+from bench.field_watch import FieldWatch
+from bench.pose_visits import PoseVisits
 from bench.progress import Progress, RunState, SilentProgress
 from bench.samples import COMPLETE, READING, reading_of
 
@@ -25,13 +25,17 @@ if TYPE_CHECKING:
 
     from bench.bus import BenchBus
     from bench.calibration.fit import Fit
+    from bench.calibration.mountings import Mounting
     from bench.limit_set import LimitSet
     from bench.module import Module, ModuleIdentity
+    from bench.pose import Pose
     from bench.procedure import Procedure
     from bench.recorder import Recorder
+    from bench.reference import Reference
     from bench.rig import Rig
     from bench.sample_log import SampleLog
     from bench.station import Station
+    from bench.steps.sentinel import Sentinel
     from bench.steps.step import PlannedPose
     from protocols.uds import Coefficients
 
@@ -68,6 +72,8 @@ class RunContext:
         Positions that the fits use, and those that the acceptance uses; never shared.
     verification_samples : list of ndarray of SAMPLE
         Complete samples of the verification, one array a dwell.
+    mountings : list of (Mounting, int)
+        How the unit was put in during a reversal, and the first position of each mounting.
     recording : ndarray of SAMPLE or None
         Samples that were collected without a rig.
     fits : dict
@@ -77,8 +83,8 @@ class RunContext:
     before, written : Coefficients or None
         The module's coefficients before the first write, and those that were written last.
     fault_name : str or None
-        ``module_silent``, ``module_refused``, ``rig_fault``, ``bus_fault``, ``bench_fault``:
-        what ended the run in the place of a measurement.
+        What ended the run in the place of a measurement: a name of `executor.FAULT_NAMES`, or
+        ``bench_fault``.
     not_available : set of str
         Measurements that this unit or recording cannot give; the verdict does without them.
     verified, completed : bool
@@ -90,6 +96,10 @@ class RunContext:
         Promises an action for the end of the run, last promised first done.
     run_step : callable
         Runs a step inside another one.
+    reference : Reference or None
+        The station's reference magnetometer, where the station file names one.
+    field_watch : FieldWatch
+        Whether the field is still that of the run's start, and what was repeated.
     """
 
     bus: BenchBus
@@ -122,10 +132,18 @@ class RunContext:
     fault_name: str | None = None
     not_available: set[str] = field(default_factory=set)
     finish: list[tuple[str, Callable[[], object]]] = field(default_factory=list)
+    mountings: list[tuple[Mounting, int]] = field(default_factory=list)
     readings: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, dtype=READING))
     on_exit: Callable[[str, Callable[[], object]], None] = field(init=False)
     run_step: Callable[..., None] = field(init=False)
     started_s: float = 0.0
+    reference: Reference | None = None
+    field_watch: FieldWatch = field(init=False)
+
+    def __post_init__(self) -> None:
+        sensor = self.station.reference if self.reference is not None else None
+        change_mg = None if sensor is None else sensor.change_mg
+        self.field_watch = FieldWatch(change_mg, self.procedure.pose_count)
 
     def event(self, kind: str, **fields: object) -> None:
         """Write an event; the recorder adds the time."""
@@ -158,7 +176,9 @@ class RunContext:
         return RunState(
             step=self.step_name,
             position=len(self.poses),
-            positions=self.procedure.pose_count,
+            positions=max(
+                self.procedure.pose_count + self.field_watch.extra_poses, len(self.poses)
+            ),
             elapsed_s=self.bus.now_s - self.started_s,
             expected_s=self.expected_s,
         )
@@ -188,9 +208,16 @@ class RunContext:
         return self.judge([measurement])[0]
 
     def visit(
-        self, planned: Sequence[PlannedPose], *, calibrates: bool = False, verifies: bool = False
+        self,
+        planned: Sequence[PlannedPose],
+        *,
+        calibrates: bool = False,
+        verifies: bool = False,
+        sentinel: Sentinel | None = None,
     ) -> NDArray[np.void]:
         """Go to poses one after the other and return one READING each.
+
+        A pose that a change of the field spoiled is repeated (`bench.pose_visits`).
 
         Raises
         ------
@@ -198,13 +225,13 @@ class RunContext:
             If a pose is not reached.
         ModuleSilent
             If fewer than two complete samples arrive at a pose.
+        FieldChanged, ReferenceSilent
+            If the field does not come back, or the reference magnetometer is silent.
         """
-        rows = []
-        for pose in planned:
-            samples = self.dwell(pose)
-            if verifies:
-                self.verification_samples.append(samples)
-            rows.append(reading_of(samples))
+        kept = PoseVisits(self, sentinel).go(planned)
+        if verifies:
+            self.verification_samples += kept
+        rows = [reading_of(samples) for samples in kept]
         readings = np.array(rows, dtype=READING)
         positions = [int(position) for position in readings["position"]]
         if calibrates:
@@ -213,39 +240,6 @@ class RunContext:
             self.verification_positions += positions
         self.readings = np.concatenate([self.readings, readings])
         return readings
-
-    def dwell(self, planned: PlannedPose) -> NDArray[np.void]:
-        """Go to one pose, wait until it is settled, and return its complete samples.
-
-        Raises
-        ------
-        RigFault, ModuleSilent
-            See `visit`.
-        """
-        rig = self.require_rig()
-        pose = Pose(
-            position=len(self.poses),
-            step=self.step_name,
-            attitude=planned.attitude,
-            direction=planned.direction,
-        )
-        rig.move_to(planned.attitude, direction=planned.direction or None)
-        samples = self.collect(pose, planned.dwell_s)
-        self.progress.position_reached(self.state)
-        if len(samples) < 2 and self.sample_log.unpaired:
-            message = (
-                f"module samples at position {pose.position} cannot be paired with the rig's "
-                f"angle: more than {PAIRED_WITHIN_NS * 1e-6:g} ms lie between them; check the "
-                "drives' SYNC and the load of this computer"
-            )
-            raise BusFault(message)
-        if len(samples) < 2:
-            message = (
-                f"module sent {len(samples)} complete cycles at position {pose.position} in "
-                f"{planned.dwell_s:g} s; check its supply, its bus and its sample period"
-            )
-            raise ModuleSilent(message)
-        return samples
 
     def collect(self, pose: Pose, duration_s: float) -> NDArray[np.void]:
         """Listen for `duration_s` at a pose and return the complete samples."""
@@ -306,6 +300,7 @@ class RunContext:
                 "u_dip_deg": station.u_dip_deg,
                 "u_field_azimuth_deg": station.u_field_azimuth_deg,
                 "u_rig_deg": station.u_rig_deg,
+                "seat": station.seat,
             },
         )
 
@@ -322,10 +317,14 @@ class RunContext:
                 "faults": bus.faults,
                 "load_percent": bus.load_percent,
                 "load_worst_percent": bus.load_worst_percent,
-                "e2e": self.module.e2e,
+                "e2e": self.module.e2e | (self.reference.e2e if self.reference else {}),
             },
         )
         self.recorder.set("run", {"ticks": bus.tick_count})
+
+    def record_field_watch(self) -> None:
+        """Write down what the field did during the run."""
+        self.recorder.set("field_watch", self.field_watch.entry())
 
     def restore_coefficients(self) -> None:
         """Give the module back the coefficients that it had, unless the new ones passed.

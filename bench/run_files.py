@@ -54,7 +54,8 @@ def load_run_files(
     station = load_station(str(site)) if site else load_station(loaded.station, beside=beside)
     _check_site(station)
     chosen.require(loaded.measured())
-    return RunFiles(procedure=loaded, limits=chosen, station=station, plan=plan_of(loaded))
+    plan = plan_of(loaded, with_reference=station.reference is not None)
+    return RunFiles(procedure=loaded, limits=chosen, station=station, plan=plan)
 
 
 def _check_site(station: Station) -> None:

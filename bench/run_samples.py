@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from bench.acceptance.fit_evaluation import evaluate_fit
+from bench.acceptance.fit_evaluation import evaluate_claim, evaluate_fit
 from bench.acceptance.heading_evaluation import (
     evaluate_field_strength,
     evaluate_raw_heading,
@@ -15,12 +15,14 @@ from bench.acceptance.heading_evaluation import (
     evaluate_temperature,
     evaluate_verification,
 )
+from bench.acceptance.heading_uncertainty import verification_budget
 from bench.acceptance.method_comparison import (
     achieved_by,
     evaluate_comparison,
     evaluate_rank,
     study_of,
 )
+from bench.acceptance.reversal_evaluation import evaluate_reversal, reversal_of, values_of
 from bench.acceptance.sensor_evaluation import (
     evaluate_noise,
     evaluate_peaks,
@@ -30,8 +32,13 @@ from bench.acceptance.sensor_evaluation import (
 )
 from bench.acceptance.site import calibration_data, recording_data
 from bench.acceptance.two_axis_evaluation import evaluate_z_estimate
+from bench.calibration.cross_axis import UNKNOWN_THEN, no_cross_axis
+from bench.calibration.heading_claim import claimed
+from bench.calibration.mountings import Mounting
+from bench.calibration.reversal_effects import BenchDoubts
 from bench.errors import ConfigError
 from bench.record.entries import coefficients_of, pose_of
+from bench.record.spoiled_poses import used_in_order
 from bench.record.swing import site_of
 from bench.sample_file import read_samples
 from bench.samples import readings_of
@@ -44,8 +51,11 @@ if TYPE_CHECKING:
 
     from bench.acceptance.measurement import Measurement
     from bench.calibration.fit import CalibrationData, Fit
+    from bench.station import Station
+    from bench.uncertainty.heading_budget import HeadingBudget
+    from bench.uncertainty.unit_data import UnitData
 
-CALIBRATION_KINDS: Final = ("sweep", "poses")
+CALIBRATION_KINDS: Final = ("sweep", "poses", "adaptive_poses")
 
 
 class RunSamples:
@@ -57,6 +67,11 @@ class RunSamples:
     record : mapping
     methods : mapping of str to sequence of str, optional
         What each fit step fits, by its name; where it is not known, all methods of the record.
+    station : Station, optional
+        The run's own station file, with its uncertainties.
+    unit : UnitData, optional
+        The part's type B data; with it and the station, the uncertainty of the heading errors
+        is computed again.
 
     Raises
     ------
@@ -69,9 +84,15 @@ class RunSamples:
         run_dir: Path,
         record: Mapping[str, Any],
         methods: Mapping[str, Sequence[str]] | None = None,
+        *,
+        station: Station | None = None,
+        unit: UnitData | None = None,
     ) -> None:
         self._record = record
         self._methods = methods or {}
+        self._station, self._unit = station, unit
+        self.verifications: list[tuple[NDArray[np.void], HeadingBudget]] = []
+        """Readings and budget of every verification, once `measurements` has computed them."""
         path = run_dir / "samples.parquet"
         if not path.exists():
             message = f"{run_dir} must hold samples.parquet to be judged again; instead it has none"
@@ -80,7 +101,8 @@ class RunSamples:
         if site is None:
             message = f"{run_dir}: the record must hold the station's field; instead it has none"
             raise ConfigError(message)
-        self._site = site
+        self.site = site
+        """The station as the record has it."""
         self._samples = read_samples(path)
         self._readings = readings_of(self._samples)
         self._poses = [pose_of(entry) for entry in record["poses"]]
@@ -102,6 +124,8 @@ class RunSamples:
         step, kind = entry["name"], entry["kind"]
         if kind == "fit":
             return self._fit(step, entry["attempt"])
+        if kind == "reversal":
+            return self._reversal(step)
         readings = self._readings_at(self._positions(step, entry["attempt"]))
         if not len(readings):
             return []
@@ -110,26 +134,32 @@ class RunSamples:
         if kind == "set_reset":
             return self._set_reset(step, readings)
         if kind == "sweep":
-            raw = evaluate_raw_heading(step, readings, self._site)
+            raw = evaluate_raw_heading(step, readings, self.site)
             return evaluate_sweep(step, readings, self._poses) + raw
         if kind == "poses":
             return evaluate_peaks(step, readings)
+        if kind == "adaptive_poses":
+            return evaluate_peaks(step, readings) + self._claim(step, len(readings))
         if kind == "returns":
-            return evaluate_returns(step, readings, self._poses, self._site)
+            return evaluate_returns(step, readings, self._poses, self.site)
         if kind == "compare":
             return self._compare(step, readings) + self._rank(step, readings)
         if kind == "verify":
             return self._verify(step, readings) + self._rank(step, readings)
         return []
 
+    def _claim(self, step: str, poses: int) -> list[Measurement]:
+        fitted = claimed(self._calibration_data())
+        return [] if fitted.claim is None else evaluate_claim(step, fitted.claim, poses)
+
     def _set_reset(self, step: str, readings: NDArray[np.void]) -> list[Measurement]:
         found = evaluate_peaks(step, readings)
         if not self._record["module"].get("synthesised"):
-            found += evaluate_set_reset(step, readings, self._site)
-        return found + evaluate_senses(step, readings, self._site)
+            found += evaluate_set_reset(step, readings, self.site)
+        return found + evaluate_senses(step, readings, self.site)
 
     def _fit(self, step: str, attempt: int) -> list[Measurement]:
-        from bench.calibration.methods import fit_named
+        from bench.acceptance.bridge_terms import CorrectedFits
 
         noted = [
             entry["note"].split(":")[0]
@@ -141,32 +171,46 @@ class RunSamples:
         data = self._calibration_data()
         recorded = [entry["method"] for entry in self._record["fits"]]
         methods = dict.fromkeys([*self._methods.get(step, recorded), noted[0]])
+        # records of before the cross-axis term were fitted without it
+        cross = None if self._record.get("bridge_terms") else no_cross_axis(UNKNOWN_THEN)
         try:
-            self._fits |= {name: fit_named(name, data) for name in methods}
+            fits = CorrectedFits(data, cross)
+            self._fits |= {name: fits.fit(name) for name in methods}
         except ValueError as error:
             message = f"record cannot be judged again in step {step}: {error}"
             raise ConfigError(message) from error
         fit = self._fits[noted[0]]
         if not fit.refused:
             self._judged = fit
-        return evaluate_fit(step, fit, self._site)
+        return evaluate_fit(step, fit, self.site)
+
+    def _reversal(self, step: str) -> list[Measurement]:
+        entry = self._record["reversal"]
+        mounted = [
+            (Mounting(one["mounting"]), self._readings_at(one["positions"]))
+            for one in entry["mountings"]
+        ]
+        paired = not self._record["module"].get("synthesised")
+        doubts = BenchDoubts(**entry["doubts"])
+        found = reversal_of(mounted, self.site, doubts, paired=paired)
+        return evaluate_reversal(step, found, values_of(entry["former"]))
 
     def _compare(self, step: str, readings: NDArray[np.void]) -> list[Measurement]:
         if self._judged is None:
             return []
-        return evaluate_comparison(step, self._judged.method, self._fits, readings, self._site)
+        return evaluate_comparison(step, self._judged.method, self._fits, readings, self.site)
 
     def _rank(self, step: str, readings: NDArray[np.void]) -> list[Measurement]:
         if self._judged is None:
             return []
-        compared = study_of(self._fits, readings, self._site)
+        compared = study_of(self._fits, readings, self.site)
         return evaluate_rank(step, self._judged.method, achieved_by(self._fits, compared))
 
     def _calibration_data(self) -> CalibrationData:
         readings = self._readings_at(self._calibration_positions())
         if len(readings):
             paired = not self._record["module"].get("synthesised")
-            return calibration_data(readings, self._site, paired=paired)
+            return calibration_data(readings, self.site, paired=paired)
         return recording_data(self._samples)
 
     def _verify(self, step: str, readings: NDArray[np.void]) -> list[Measurement]:
@@ -177,9 +221,16 @@ class RunSamples:
             return []
         coefficients = coefficients_of(used)
         samples = self._samples[np.isin(self._samples["position"], readings["position"])]
-        found = evaluate_verification(step, readings, samples, coefficients, self._site)
+        budget = None
+        if self._station is not None:
+            budget = verification_budget(readings, coefficients, self._station, self._unit)
+        if budget is not None:
+            self.verifications.append((readings, budget))
+        found = evaluate_verification(
+            step, readings, samples, coefficients, self.site, budget=budget
+        )
         if written:
-            found += evaluate_field_strength(step, readings, coefficients, self._site)
+            found += evaluate_field_strength(step, readings, coefficients, self.site)
         if coefficients.horizontal_mg > 0.0:
             found += evaluate_z_estimate(step, readings, coefficients)
         before = self._readings_at(self._calibration_positions())
@@ -197,11 +248,13 @@ class RunSamples:
         return [p for step, attempt in last.items() for p in self._positions(step, attempt)]
 
     def _positions(self, step: str, attempt: int) -> list[int]:
-        return [
+        visited = [
             entry["position"]
             for entry in self._record["poses"]
             if entry["step"] == step and entry.get("attempt", 1) == attempt
         ]
+        return used_in_order(visited, self._record)
 
     def _readings_at(self, positions: list[int]) -> NDArray[np.void]:
-        return self._readings[np.isin(self._readings["position"], positions)]
+        row_at = {int(position): row for row, position in enumerate(self._readings["position"])}
+        return self._readings[[row_at[position] for position in positions if position in row_at]]

@@ -10,13 +10,15 @@ from bench.errors import BenchNotReady, ConfigError
 from bench.samples import SAMPLE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
 BATCH_ROWS: Final = 4096
 """Rows that `iterate_samples` yields at a time."""
+LATER_FIELDS: Final = ("reference_mg",)
+"""Fields that a file of an earlier version lacks; they are not-a-number then."""
 _AXES: Final = ("x", "y", "z")
 
 
@@ -133,20 +135,29 @@ def iterate_samples(path: Path) -> Iterator[NDArray[np.void]]:
     columns = column_names()
     try:
         with ParquetFile(path) as file:
-            missing = sorted(columns.keys() - set(file.schema_arrow.names))
-            if missing:
-                message = (
-                    f"samples {path} must have the column {missing[0]}; instead received others"
-                )
-                raise ConfigError(message)
-            for batch in file.iter_batches(batch_size=BATCH_ROWS, columns=list(columns)):
+            present = _present(columns, file.schema_arrow.names, path)
+            for batch in file.iter_batches(batch_size=BATCH_ROWS, columns=list(present)):
                 samples = np.zeros(batch.num_rows, dtype=SAMPLE)
-                for column, (name, axis) in columns.items():
+                for name in LATER_FIELDS:
+                    samples[name] = np.nan
+                for column, (name, axis) in present.items():
                     _column(samples, name, axis)[:] = batch.column(column).to_numpy()
                 yield samples
     except (OSError, pa.ArrowInvalid) as error:
         message = f"samples {path} cannot be read: {error}"
         raise ConfigError(message) from error
+
+
+def _present(
+    columns: dict[str, tuple[str, int | None]], names: Sequence[str], path: Path
+) -> dict[str, tuple[str, int | None]]:
+    """Return the columns that a file has; only those of `LATER_FIELDS` may be missing."""
+    missing = sorted(columns.keys() - set(names))
+    if any(columns[column][0] not in LATER_FIELDS for column in missing):
+        needed = next(c for c in missing if columns[c][0] not in LATER_FIELDS)
+        message = f"samples {path} must have the column {needed}; instead received others"
+        raise ConfigError(message)
+    return {column: place for column, place in columns.items() if column not in missing}
 
 
 def read_metadata(path: Path) -> dict[str, str]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 import numpy as np
 
 from bench.pairing import PAIRED_WITHIN_NS
+from bench.reference import NO_COUNTS, field_mg_of
 from bench.sample_file import SampleFile, read_metadata, read_samples
 from bench.samples import MOVING, SAMPLE
 from protocols.compass import (
@@ -52,9 +53,10 @@ _RAW: Final = np.dtype(
         ("heading_head", "u1", 2),
         ("heading", "<u2"),
         ("attitude", "<u4"),
+        ("reference", "<i2", 3),
     ]
 )
-_ROW: Final = struct.Struct("<qihBB3idB8s8s8s8s")
+_ROW: Final = struct.Struct("<qihBB3idB8s8s8s8s3h")
 _NO_POSITION: Final = -(2**31)
 
 
@@ -77,6 +79,15 @@ class PositionSource(Protocol):
         ...
 
 
+class ReferenceSource(Protocol):
+    """What the reference magnetometer reads."""
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """The newest reading in counts, `bench.reference.NO_COUNTS` where there is none."""
+        ...
+
+
 class SampleLog:
     """Collects the module's cycles with the rig's position, and writes them to a file.
 
@@ -88,6 +99,8 @@ class SampleLog:
         Its cycles become rows.
     rig : PositionSource, optional
         Without it the rig's angles are not-a-number.
+    reference : ReferenceSource, optional
+        Without it the reference field is not-a-number.
     metadata : mapping of str to str, optional
         Written into the file's schema.
 
@@ -111,6 +124,7 @@ class SampleLog:
         module: Module,
         rig: PositionSource | None = None,
         *,
+        reference: ReferenceSource | None = None,
         metadata: Mapping[str, str] | None = None,
     ) -> None:
         self.rows = 0
@@ -118,6 +132,7 @@ class SampleLog:
         self.path: Final = path
         self._module = module
         self._rig = rig
+        self._reference = reference
         self._scales = (module.mag_mg_per_count, module.accel_g_per_count)
         self._block: list[bytes] = []
         self._dwell: list[bytes] | None = None
@@ -173,7 +188,7 @@ class SampleLog:
 
     def _record(self, cycle: Cycle) -> None:
         t_ns, group, complete, mag_set, mag_reset, acceleration, heading = cycle
-        module, rig = self._module, self._rig
+        module, rig, reference = self._module, self._rig, self._reference
         if module.mag_mg_per_count != self._scales[0]:
             self._follow_scales()
         azimuth, pitch, roll = (_NO_POSITION,) * 3 if rig is None else rig.counts
@@ -185,6 +200,7 @@ class SampleLog:
         row = _ROW.pack(
             t_ns, module.bus.tick_count, position, complete, status[2],
             azimuth, pitch, roll, status[0], group, mag_set, mag_reset, acceleration, heading,
+            *(NO_COUNTS if reference is None else reference.counts),
         )  # fmt: skip
         if self._dwell is not None and position != MOVING:
             self._dwell.append(row)
@@ -223,6 +239,7 @@ class SampleLog:
         for axis, name in enumerate(("rig_azimuth_deg", "rig_pitch_deg", "rig_roll_deg")):
             counts = raw["rig"][:, axis]
             _fill(samples[name], counts / per_deg, counts != _NO_POSITION)
+        samples["reference_mg"] = field_mg_of(raw["reference"])
         return samples
 
 

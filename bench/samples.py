@@ -39,6 +39,7 @@ SAMPLE: Final = np.dtype(
         ("rig_pitch_deg", "f8"),
         ("rig_roll_deg", "f8"),
         ("temperature_c", "f8"),
+        ("reference_mg", "f8", 3),  # of the reference magnetometer, NaN where there is none
     ]
 )
 
@@ -62,6 +63,7 @@ READING: Final = np.dtype(
         ("pitch_deg", "f8"),
         ("roll_deg", "f8"),
         ("temperature_c", "f8"),
+        ("reference_mg", "f8", 3),
     ]
 )
 
@@ -99,7 +101,7 @@ def reading_of(samples: NDArray[np.void]) -> NDArray[np.void]:
     reading["accel_sd_g"] = samples["accel_g"].std(axis=0, ddof=1)
     for name in ("t_s", "pitch_deg", "roll_deg", "rig_pitch_deg", "rig_roll_deg", "temperature_c"):
         reading[name] = samples[name].mean()
-    for name in ("set_mg", "reset_mg", "accel_g"):
+    for name in ("set_mg", "reset_mg", "accel_g", "reference_mg"):
         reading[name] = samples[name].mean(axis=0)
     for name in ("heading_deg", "rig_azimuth_deg"):
         reading[name] = circular_mean_deg(samples[name])

@@ -29,14 +29,18 @@ class Seat:
     """The seat that holds the unit, against the rig's inner axis; `u_` are expanded (k = 2).
 
     `index_deg` is its turn about down, clockwise: forward of the seat points to rig azimuth +
-    index. `iron_mg` is the field of the fixture's own iron in the seat's frame, shape (3,).
+    index. `pitch_deg` and `roll_deg` are its level. `iron_mg` is the field of the fixture's own
+    iron in the seat's frame, shape (3,); `u_iron_mg` is that of its forward and right part.
     """
 
     index_deg: float = 0.0
+    pitch_deg: float = 0.0
+    roll_deg: float = 0.0
     iron_mg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     u_index_deg: float = 0.0
     u_level_deg: float = 0.0
     u_iron_mg: float = 0.0
+    u_iron_down_mg: float = 0.0
     verified: date | None = None
     golden: str = ""
 
@@ -122,12 +126,16 @@ def load_station(name: str, *, beside: Path | None = None) -> Station:
 
 
 def _seat(entry: SeatEntry) -> Seat:
+    down_mg = entry.iron_down_uncertainty
     return Seat(
         index_deg=entry.index,
+        pitch_deg=entry.pitch,
+        roll_deg=entry.roll,
         iron_mg=entry.iron,
         u_index_deg=entry.index_uncertainty,
         u_level_deg=entry.level_uncertainty,
         u_iron_mg=entry.iron_uncertainty,
+        u_iron_down_mg=entry.iron_uncertainty if down_mg is None else down_mg,
         verified=entry.verified,
         golden=entry.golden,
     )

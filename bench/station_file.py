@@ -13,6 +13,10 @@ from bench.typed_yaml import FileModel
 
 STRONGEST_MG: Final = 1000.0
 """Strongest field of a station; the Earth's is at most 700 mG."""
+MOST_TILT_DEG: Final = 10.0
+"""Largest pitch and roll of a seat against the rig's inner axis."""
+MOST_IRON_MG: Final = 100.0
+"""Strongest iron of a fixture, each axis."""
 _UNCERTAINTIES: Final = (
     "horizontal_uncertainty",
     "dip_uncertainty",
@@ -44,8 +48,10 @@ class NotNegative(FileModel):
     @model_validator(mode="after")
     def _uncertainties_are_possible(self) -> Self:
         for name in type(self).model_fields:
-            if name.endswith(("_uncertainty", "change")) and getattr(self, name) < 0.0:
-                message = f"{name} must not be negative; instead received {getattr(self, name):g}"
+            value = getattr(self, name)
+            guarded = name.endswith(("_uncertainty", "change")) and value is not None
+            if guarded and value < 0.0:
+                message = f"{name} must not be negative; instead received {value:g}"
                 raise ValueError(message)
         return self
 
@@ -55,6 +61,10 @@ class SeatEntry(NotNegative):
 
     index: Degrees = 0.0
     """Turn of the seat about its down axis against the rig's zero, clockwise."""
+    pitch: Degrees = 0.0
+    """Pitch of the seat against the rig's inner axis, nose up."""
+    roll: Degrees = 0.0
+    """Roll of the seat against the rig's inner axis, right side down."""
     iron: tuple[Milligauss, Milligauss, Milligauss] = (0.0, 0.0, 0.0)
     """Field of the fixture's own iron at the unit: forward, right, down of the seat."""
     index_uncertainty: Degrees = 0.1
@@ -62,11 +72,36 @@ class SeatEntry(NotNegative):
     level_uncertainty: Degrees = 0.05
     """U (k = 2) of the seat's pitch and of its roll against the rig's inner axis."""
     iron_uncertainty: Milligauss = 0.2
-    """U (k = 2) of the iron's field, each axis."""
+    """U (k = 2) of the iron's field, forward and right."""
+    iron_down_uncertainty: Milligauss | None = None
+    """U (k = 2) of its down part; none: as the others."""
     verified: date | None = None
     """Day of the last reversal; none: never."""
     golden: str = ""
     """Serial of the golden unit of that reversal."""
+
+    @model_validator(mode="after")
+    def _seat_is_possible(self) -> Self:
+        for name, largest_deg in (
+            ("index", 180.0),
+            ("pitch", MOST_TILT_DEG),
+            ("roll", MOST_TILT_DEG),
+        ):
+            value_deg = getattr(self, name)
+            if not abs(value_deg) <= largest_deg:
+                message = (
+                    f"{name} must be from -{largest_deg:g} deg to {largest_deg:g} deg; "
+                    f"instead received {value_deg:g} deg"
+                )
+                raise ValueError(message)
+        strongest_mg = max(abs(value_mg) for value_mg in self.iron)
+        if strongest_mg > MOST_IRON_MG:
+            message = (
+                f"iron must be at most {MOST_IRON_MG:g} mG on each axis; "
+                f"instead received {strongest_mg:g} mG"
+            )
+            raise ValueError(message)
+        return self
 
 
 class RigEntry(NotNegative):

@@ -147,7 +147,8 @@ def known_keys(schema: Mapping[str, Any], location: Location) -> list[str]:
 def _resolve(node: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapping[str, Any]:
     while "$ref" in node:
         node = definitions[str(node["$ref"]).rsplit("/", 1)[-1]]
-    return node
+    optional = [option for option in node.get("anyOf", ()) if option.get("type") != "null"]
+    return _resolve(optional[0], definitions) if len(optional) == 1 else node
 
 
 def _step_into(node: Mapping[str, Any], part: int | str) -> Mapping[str, Any]:
@@ -166,14 +167,19 @@ def _step_into(node: Mapping[str, Any], part: int | str) -> Mapping[str, Any]:
 
 def _find(root: yaml.Node, location: Location) -> tuple[yaml.Node, list[str]]:
     """Return the deepest node that a location reaches, and the names on the way."""
+    node, names = _descend(root, location)
+    if location and isinstance(location[-1], str):
+        node = _key_node(root, location) or node
+    return node, names
+
+
+def _descend(root: yaml.Node, location: Location) -> tuple[yaml.Node, list[str]]:
     node, names = root, []
     for part in location:
         child = _child(node, part)
         if child is not None:
             node = child
             names.append(str(part))
-    if location and isinstance(location[-1], str):
-        node = _key_node(root, location) or node
     return node, names
 
 
@@ -187,7 +193,7 @@ def _child(node: yaml.Node, part: int | str) -> yaml.Node | None:
 
 
 def _key_node(root: yaml.Node, location: Location) -> yaml.Node | None:
-    parent, _ = _find(root, location[:-1]) if len(location) > 1 else (root, [])
+    parent, _ = _descend(root, location[:-1])
     if not isinstance(parent, yaml.MappingNode):
         return None
     return next((key for key, _ in parent.value if key.value == location[-1]), None)

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from bench.calibration.accelerometer_batch import accelerometer_batch
 from bench.calibration.ellipsoid_batch import ellipsoid_batch
 from bench.calibration.fit import CalibrationData
 from bench.calibration.four_position import four_position_batch
@@ -141,6 +142,9 @@ def kernels(units: Units) -> dict[str, Callable[[slice | int], object]]:
         "ellipsoid": lambda of: ellipsoid_batch(units.field_mg[of], sd_mg, **station),
         "tilt_aided": lambda of: tilt_aided_batch(
             units.field_mg[of], units.accel_g[of], sd_mg, ACCEL_SD_G, **station
+        ),
+        "accelerometer": lambda of: accelerometer_batch(
+            units.angles_deg, units.accel_g[of], accel_sd_g=ACCEL_SD_G, rig_sd_deg=RIG_SD_DEG
         ),
         "two_axis": lambda of: two_axis_batch(level_mg[of], None, tilted_mg[of], *tilted_deg),
         "two_axis_aided": lambda of: two_axis_batch(

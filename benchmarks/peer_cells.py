@@ -23,6 +23,7 @@ from estimators import (
 )
 from peer_errors import (
     Outcome,
+    coefficients_outcome,
     ellipsoid_outcome,
     peer_outcome,
     tilt_aided_outcome,
@@ -35,6 +36,7 @@ from bench.calibration.bound import HeadingBound, heading_bound
 
 OURS: Final = {
     "ellipsoid": ellipsoid_outcome,
+    "coefficients": coefficients_outcome,
     "tilt_aided": tilt_aided_outcome,
     "truth_aided": truth_aided_outcome,
     "truth_linear": truth_linear_outcome,
@@ -78,7 +80,7 @@ class Cell:
 
     def bound_deg(self, name: str) -> float:
         """Return the bound of one column: peers have that of the magnetometer alone."""
-        return float(self.bounds[name if name in OURS else "ellipsoid"].rms_deg)
+        return float(self.bounds[name if name in self.bounds else "ellipsoid"].rms_deg)
 
     def ratio(self, name: str) -> float:
         """Return the error over its bound."""
@@ -89,9 +91,9 @@ class Cell:
         limit_deg = max(bounds * self.bound_deg(name), WRONG_DEG)
         return float((self.outcomes[name].rms_deg > limit_deg).mean())
 
-    def loss(self, peer: str) -> float:
+    def loss(self, peer: str, name: str = "ellipsoid") -> float:
         """Return the ellipsoid's error over the peer's, on the trials that both have fitted."""
-        ours, theirs = self.outcomes["ellipsoid"].rms_deg, self.outcomes[peer].rms_deg
+        ours, theirs = self.outcomes[name].rms_deg, self.outcomes[peer].rms_deg
         squares = np.stack([ours[: len(theirs)] ** 2, theirs**2])
         squares = squares[:, ~np.isnan(squares).any(axis=0)]
         return float(np.sqrt(squares[0].mean() / squares[1].mean())) if squares.size else np.nan

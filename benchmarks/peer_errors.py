@@ -22,9 +22,7 @@ from estimators import (
     truth_aided,
 )
 
-from bench.calibration.ellipsoid_batch import BLOCK, ellipsoid_batch, sphere_minimum
-from bench.calibration.sphere_model import symmetric
-from bench.calibration.taubin import normalised, taubin_batch
+from bench.calibration.ellipsoid_batch import ellipsoid_batch, ellipsoid_coefficients
 from bench.calibration.tilt import ned_from_body, tilt_compensated_heading_deg
 from bench.calibration.tilt_aided_batch import tilt_aided_batch
 from bench.calibration.truth_aided_linear import truth_aided_linear
@@ -123,6 +121,13 @@ def ellipsoid_outcome(unit: Unit, readings: Readings, sd_mg: float) -> Outcome:
     return _outcome(corrected, _on_grid()[1], fits.cause, seconds)
 
 
+def coefficients_outcome(unit: Unit, readings: Readings, sd_mg: float) -> Outcome:
+    """Return what the ellipsoid's coefficients leave where nothing but them is asked for."""
+    found, seconds = _timed(lambda: coefficients(readings, sd_mg))
+    corrected = corrected_on_grid(unit, found.matrix, found.offset_mg, rotation_removed=True)
+    return _outcome(corrected, _on_grid()[1], found.cause, seconds)
+
+
 def tilt_aided_outcome(unit: Unit, readings: Readings, sd_mg: float) -> Outcome:
     """Return what the product's tilt_aided leaves, rotation and all."""
     fits, seconds = _timed(lambda: tilt_aided(readings, sd_mg))
@@ -153,18 +158,9 @@ def ellipsoid(readings: Readings, sd_mg: float) -> Any:
     return ellipsoid_batch(readings.field_mg, sd_mg, station_field_mg=station_mg())
 
 
-def coefficients(readings: Readings, sd_mg: float) -> tuple[Any, Any]:
-    """Return matrix and offset of S1 alone: as `ellipsoid`, without all that judges them."""
-    units = readings.field_mg.reshape(-1, *readings.field_mg.shape[-2:])
-    strength_mg = float(np.linalg.norm(station_mg()))
-    matrices, offsets = [], []
-    for first in range(0, len(units), BLOCK):
-        cloud = normalised(units[first : first + BLOCK])
-        best = sphere_minimum(cloud.points, taubin_batch(cloud.points), sd_mg / cloud.scale_mg)
-        matrix = symmetric(best.parameters[:, :6])
-        matrices.append(matrix * (strength_mg / cloud.scale_mg)[:, None, None])
-        offsets.append(cloud.centre_mg + cloud.scale_mg[:, None] * best.parameters[:, 6:])
-    return np.concatenate(matrices), np.concatenate(offsets)
+def coefficients(readings: Readings, sd_mg: float) -> Any:
+    """Fit S1, coefficients and refusals alone."""
+    return ellipsoid_coefficients(readings.field_mg, sd_mg, station_field_mg=station_mg())
 
 
 def tilt_aided(readings: Readings, sd_mg: float) -> Any:

@@ -5,6 +5,8 @@ Run:  python benchmarks/poses.py --units 1000
 Every unit is calibrated by the truth-aided fit on each set of poses, on its own rig, and verified
 at 24 headings level and at +-30 deg of pitch and of roll. Exits 1 where quick takes more than 0.45
 of the rig time of caruso_24, or less than 95 % of its units verify to 0.5 deg at every attitude.
+`adaptive` goes on, unit by unit, until its coefficients are claimed to be good enough: its poses
+and rig seconds are medians.
 
 Rig seconds run from level at 0 deg through the poses and back; `predicted` is the fit's own RMS
 from its covariance, which holds the coefficients alone; `rms` to `largest` are the verified error,
@@ -17,19 +19,18 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from many_units import Lot, Way, drawn_lot, read, way_of
+from adaptive import HOME, adaptive_step, lots_of, rig_seconds, stopped
+from many_fits import Calibrated, calibrated
+from many_units import Lot, read, way_of
 
-from bench.acceptance.site import field_rig_mg
-from bench.calibration.pose_plan import bench_conditions
 from bench.calibration.prediction import grid_attitudes_deg
-from bench.calibration.tilt import tilt_compensated_heading_deg
-from bench.calibration.truth_aided_batch import CAUSES, TruthAidedFits, truth_aided_batch
+from bench.calibration.truth_aided_batch import CAUSES
 from bench.pose import Attitude
 from bench.procedure_loader import load_procedure
-from bench.station import load_station
 from bench.steps.poses import Poses
 from bench.steps.step import PlannedPose
 from bench.steps.sweep import Sweep
@@ -39,11 +40,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DWELL_S: Final = 0.5
-HOME: Final = Attitude(azimuth_deg=0.0)
 WANTED_DEG: Final = 0.5
 WANTED_SHARE: Final = 0.95
 WANTED_TIME: Final = 0.45
-BLOCK: Final = 100
 
 
 def sets_of_poses() -> dict[str, list[PlannedPose]]:
@@ -100,54 +99,102 @@ def verification() -> list[PlannedPose]:
     return [planned(*attitude) for attitude in grid_attitudes_deg().tolist()]
 
 
-def rig_seconds(way: Way) -> float:
-    """Return the time from level at 0 deg through all poses, dwells included, and back."""
-    return float(way.seconds[-1]) + way.back_s
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """What a set of poses gave a lot of units; arrays of shape (units, ...).
+
+    Attributes
+    ----------
+    count, seconds : ndarray, shape (units,)
+        Poses and rig time.
+    error_deg : ndarray, shape (units, 120)
+        Verified heading errors.
+    predicted_deg, azimuth_deg : ndarray, shape (units,)
+        The fit's RMS, and its azimuth of the field.
+    cause : ndarray of int8, shape (units,)
+        Index into CAUSES.
+    """
+
+    count: NDArray[np.int_]
+    seconds: NDArray[np.float64]
+    error_deg: NDArray[np.float64]
+    predicted_deg: NDArray[np.float64]
+    azimuth_deg: NDArray[np.float64]
+    cause: NDArray[np.int8]
 
 
-def errors_of(
-    poses: list[PlannedPose], lot: Lot, seed: int
-) -> tuple[TruthAidedFits, NDArray[np.float64]]:
-    """Return the fits of all units and their verified heading errors, shape (units, 120), deg."""
-    way = way_of([*poses, *verification()], HOME)
-    field_mg, force_g = read(lot, way, np.random.default_rng(seed))
-    count, conditions = len(poses), bench_conditions(field_rig_mg(load_station("default")))
-    fits = truth_aided_batch(
-        way.shown_deg[:count, -1],
-        field_mg[:, :count],
-        force_g[:, :count],
-        field_sd_mg=conditions.field_sd_mg,
-        accel_sd_g=conditions.accel_sd_g or 0.0,
-        rig_sd_deg=conditions.rig_sd_deg,
-        station_field_mg=conditions.station_field_mg,
+def found_on(poses: list[PlannedPose], lot: Lot, seed: int) -> Found:
+    """Return what poses that are the same for all units gave."""
+    way, count = way_of([*poses, *verification()], HOME), len(poses)
+    readings = read(lot, way, np.random.default_rng(seed))
+    calibration = calibrated(way.shown_deg[:, -1], readings, count)
+    heading_deg = calibration.heading_deg(readings.field_mg[:, count:], readings.force_g[:, count:])
+    error_deg = wrap_180_deg(heading_deg - way.shown_deg[count:, -1, 0])
+    units = len(error_deg)
+    seconds = np.full(units, rig_seconds(way_of(poses, HOME)))
+    return _found(calibration, np.full(units, count), seconds, error_deg)
+
+
+def found_adaptively(lot: Lot, seed: int) -> Found:
+    """Return what the adaptive poses gave, each unit verified with its own coefficients."""
+    stop = stopped(adaptive_step(), lot, seed)
+    way = way_of(verification(), HOME, start_s=float(stop.seconds.mean()))
+    readings = read(lot, way, np.random.default_rng((seed, 1)))
+    parts = []
+    for count, calibration in stop.calibrations.items():
+        heading_deg = calibration.heading_deg(readings.field_mg, readings.force_g)
+        error_deg = wrap_180_deg(heading_deg - way.shown_deg[:, -1, 0])
+        found = _found(calibration, stop.count, stop.seconds, error_deg)
+        parts.append(_rows(found, stop.count == count))
+    return _joined(parts)
+
+
+def _found(
+    calibration: Calibrated,
+    count: NDArray[np.int_],
+    seconds: NDArray[np.float64],
+    error_deg: NDArray[np.float64],
+) -> Found:
+    fits = calibration.fits
+    return Found(
+        count=count,
+        seconds=seconds,
+        error_deg=error_deg,
+        predicted_deg=fits.predicted_rms_deg,
+        azimuth_deg=fits.field_azimuth_deg,
+        cause=fits.cause,
     )
-    back, accel_back = (np.linalg.inv(gain).swapaxes(1, 2) for gain in (fits.gain, fits.accel_gain))
-    heading_deg = tilt_compensated_heading_deg(
-        (field_mg[:, count:] - fits.offset_mg[:, None]) @ back,
-        (force_g[:, count:] - fits.accel_offset_g[:, None]) @ accel_back,
+
+
+def _rows(found: Found, units: NDArray[np.bool_]) -> Found:
+    return Found(**{one.name: getattr(found, one.name)[units] for one in fields(Found)})
+
+
+def _joined(parts: list[Found]) -> Found:
+    return Found(
+        **{
+            one.name: np.concatenate([getattr(part, one.name) for part in parts])
+            for one in fields(Found)
+        }
     )
-    return fits, wrap_180_deg(heading_deg - way.shown_deg[count:, -1, 0])
 
 
-def line(name: str, poses: list[PlannedPose], lots: list[Lot]) -> tuple[float, float]:
+def line(name: str, found: Found) -> tuple[float, float]:
     """Print a set's line; return its rig seconds and the share of units within 0.5 deg."""
-    seconds = rig_seconds(way_of(poses, HOME))
-    found = [errors_of(poses, lot, number) for number, lot in enumerate(lots)]
-    good = np.concatenate([fits.cause == 0 for fits, _ in found])
-    text = f"{name:22} {len(poses):5} {seconds:7.1f} "
+    seconds, good = float(np.median(found.seconds)), found.cause == 0
+    text = f"{name:22} {np.median(found.count):5.0f} {seconds:7.1f} "
     if not good.any():
-        print(f"{text}  refused: {CAUSES[int(found[0][0].cause[0])]}", flush=True)
+        print(f"{text}  refused: {CAUSES[int(found.cause[0])]}", flush=True)
         return seconds, 0.0
-    errors = np.concatenate([error for _, error in found])[good]
-    fits_rms = np.concatenate([fits.predicted_rms_deg for fits, _ in found])[good]
-    azimuth = np.concatenate([fits.field_azimuth_deg for fits, _ in found])[good]
+    errors = found.error_deg[good]
     largest = np.abs(errors).max(axis=1)
     share = float((largest <= WANTED_DEG).sum() / len(good))
     rms = np.sqrt((errors**2).mean(axis=1))
     p50, p95, p99 = np.percentile(largest, [50, 95, 99])
+    azimuth_p99 = np.percentile(np.abs(found.azimuth_deg[good]), 99)
     print(
-        f"{text} {np.median(fits_rms):9.3f} {np.median(rms):7.3f} {p50:7.3f} {p95:7.3f} {p99:7.3f} "
-        f"{largest.max():7.3f} {100.0 * share:8.1f} {np.percentile(np.abs(azimuth), 99):8.3f}",
+        f"{text} {np.median(found.predicted_deg[good]):9.3f} {np.median(rms):7.3f} {p50:7.3f} "
+        f"{p95:7.3f} {p99:7.3f} {largest.max():7.3f} {100.0 * share:8.1f} {azimuth_p99:8.3f}",
         flush=True,
     )
     return seconds, share
@@ -159,16 +206,17 @@ def main() -> int:
     parser.add_argument("--units", type=int, default=1000)
     options = parser.parse_args()
     started_s = time.perf_counter()
-    lots = [
-        drawn_lot(first, min(BLOCK, options.units + 1 - first))
-        for first in range(1, options.units + 1, BLOCK)
-    ]
+    lots = list(enumerate(lots_of(options.units)))
     print(f"{options.units} good units; heading errors in deg over 120 attitudes")
     print(
         f"{'poses':22} {'count':>5} {'rig s':>7} {'predicted':>9} {'rms':>7} {'max p50':>7} "
         f"{'p95':>7} {'p99':>7} {'largest':>7} {'<= 0.5 %':>8} {'azi p99':>8}"
     )
-    found = {name: line(name, poses, lots) for name, poses in sets_of_poses().items()}
+    found = {
+        name: line(name, _joined([found_on(poses, lot, seed) for seed, lot in lots]))
+        for name, poses in sets_of_poses().items()
+    }
+    line("adaptive", _joined([found_adaptively(lot, seed) for seed, lot in lots]))
     ratio = found["quick"][0] / found["caruso_24"][0]
     elapsed_s = time.perf_counter() - started_s
     print(f"quick takes {ratio:.2f} of the rig time of caruso_24; {elapsed_s:.0f} s")

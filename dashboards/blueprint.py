@@ -8,6 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from dashboards import entities
+from dashboards.certainty_views import certainty_tab
 from dashboards.method_views import methods_tab, z_view
 from dashboards.views import all_times, series, whole_run
 
@@ -124,9 +125,9 @@ def blueprint(run: RunView) -> rrb.Blueprint:
         column_shares=[3, 4, 3],
         name="Run",
     )
-    methods = methods_tab(run)
+    others = [tab for tab in (certainty_tab(run), methods_tab(run)) if tab is not None]
     return rrb.Blueprint(
-        measured if methods is None else rrb.Tabs(measured, methods, active_tab=0),
+        rrb.Tabs(measured, *others, active_tab=0) if others else measured,
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=entities.SIM_TIME, play_state="following"),

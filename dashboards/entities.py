@@ -39,6 +39,7 @@ RIG: Final = "rig"
 PROCEDURE: Final = "procedure"
 CAN: Final = "can"
 ACCEPTANCE: Final = "acceptance"
+CERTAINTY: Final = "certainty"
 
 RED: Final = (231, 76, 60)
 GREEN: Final = (46, 204, 113)

@@ -22,7 +22,7 @@ _Z_SPAN_MG: Final = 20.0
 
 
 def methods_tab(run: RunView) -> rrb.Horizontal | None:
-    """Return table, headings, and the error of each method beside raw, each on its own scale."""
+    """Return table, headings, and the error of each method, each on its own scale."""
     rows = [row for row in method_rows(run.record) if not row.cause]
     compared = [row for row in rows if _largest_deg(row) is not None]
     if not run.fits.by_method or not compared:
@@ -40,19 +40,18 @@ def methods_tab(run: RunView) -> rrb.Horizontal | None:
             rrb.Grid(*(_error_view(row) for row in compared), grid_columns=_COLUMNS),
             row_shares=[2, 7],
         ),
-        column_shares=[4, 7],
+        column_shares=[5, 8],
         name="Methods",
     )
 
 
 def _error_view(row: MethodRow) -> rrb.TimeSeriesView:
-    """Return the error on the verification poses of a method, and of raw where it fits in."""
+    """Return the error of a method on the verification poses, over what was expected there."""
     span_deg = _span_deg(_largest_deg(row) or 0.0)
-    paths = dict.fromkeys([RAW, row.key])
     return rrb.TimeSeriesView(
         name=f"{row.name}: error within ±{span_deg:g}°",
         origin=f"/{entities.METHODS}/{row.key}",
-        contents=[f"+ /{entities.METHODS}/{key}/error_deg/**" for key in paths],
+        contents=[f"+ /{entities.METHODS}/{row.key}/error_deg/**"],
         axis_x=whole_run(),
         axis_y=rrb.ScalarAxis(range=(-span_deg, span_deg)),
         plot_legend=rrb.PlotLegend(visible=False),

@@ -11,6 +11,7 @@ from bench.calibration.two_axis import checking_z_mg
 from bench.record.method_study import method_words
 from bench.record.recorded_fits import VERIFIED_KINDS, step_positions
 from dashboards import entities
+from dashboards.certainty import log_band
 from dashboards.columns import dwell_times, send_scalars, style_points
 from dashboards.run_view import compensated_field_mg
 
@@ -58,6 +59,31 @@ def log_methods(
                 _style_errors(recording, error_path, name, kind, colour)
                 columns = dwell_times(dwells[chosen], ticks)
                 send_scalars(recording, error_path, columns, error_deg[chosen])
+    _log_expected(recording, run, dwells[verified & level], "level", ticks)
+    _log_expected(recording, run, dwells[verified & ~level], "tilt", ticks)
+
+
+def _log_expected(
+    recording: rr.RecordingStream,
+    run: RunView,
+    rows: NDArray[np.void],
+    kind: str,
+    ticks: dict[int, int],
+) -> None:
+    """Log what was expected of each method, as a band of two standard deviations."""
+    if run.site is None or not len(rows):
+        return
+    times = dwell_times(rows, ticks)
+    for method, expected in run.fits.expected_errors(rows, run.site).items():
+        log_band(
+            recording,
+            f"{entities.METHODS}/{method}/error_deg/expected_{kind}",
+            times,
+            expected.mean_deg,
+            2.0 * expected.sd_deg,
+            name=f"expected, {kind}",
+            colour=entities.WHITE,
+        )
 
 
 def _style_errors(
@@ -84,7 +110,8 @@ def log_z_estimate(
         return
     estimated_mg = compensated_field_mg(run.fit, dwells["field_mg"], dwells["accel_g"])[:, 2]
     columns = dwell_times(dwells, ticks)
-    measured_mg = checking_z_mg(dwells["field_mg"][:, 2], estimated_mg, verified)
+    raw_z_mg = run.fit.bridge_mg(dwells["field_mg"])[:, 2]
+    measured_mg = checking_z_mg(raw_z_mg, estimated_mg, verified)
     for path, name, values, colour, size in (
         (entities.Z_ESTIMATED, "estimated", estimated_mg, entities.AMBER, 4.0),
         (entities.Z_MEASURED, "measured", measured_mg, entities.WHITE, 1.5),

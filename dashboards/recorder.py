@@ -15,6 +15,7 @@ import rerun as rr
 from bench.samples import MOVING, READING, readings_of
 from dashboards import entities
 from dashboards.blueprint import blueprint
+from dashboards.certainty import log_certainty
 from dashboards.ground import log_shapes
 from dashboards.methods import log_methods, log_z_estimate
 from dashboards.run_view import RunView
@@ -26,7 +27,12 @@ from dashboards.signals import (
     log_styles,
 )
 from dashboards.traffic import log_traffic
-from dashboards.verdict_text import deviation_markdown, methods_markdown, verdict_markdown
+from dashboards.verdict_text import (
+    certainty_markdown,
+    deviation_markdown,
+    methods_markdown,
+    verdict_markdown,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,6 +42,8 @@ if TYPE_CHECKING:
 
 _BAD: Final = frozenset({"FAIL", "ERROR", "ABORTED"})
 _UNTOLD: Final = frozenset({"event", "seq", "t_s", "wall_utc", "covariance"})
+DEFAULT_LIMIT_DEG: Final = 0.5
+"""Band drawn where the run was held against no limit of the heading."""
 _PROPERTIES: Final = ("level_max", "tilt_max", "repeatability")
 
 
@@ -80,12 +88,13 @@ def _log_run(recording: rr.RecordingStream, run: RunView) -> None:
         log_block(recording, block, tracker.positions(block.samples))
     ends = tracker.ends()
     if ends is not None:
-        limit_deg = run.limit_deg("level", run.limit_deg("tilt", 0.5))
-        log_limit_band(recording, ends, limit_deg)
+        band = run.band("level") or run.band("tilt") or (DEFAULT_LIMIT_DEG, DEFAULT_LIMIT_DEG)
+        log_limit_band(recording, ends, *band)
         dwells = tracker.dwells()
         log_dwell_errors(recording, run, dwells, tracker.ticks)
         log_methods(recording, run, dwells, tracker.ticks)
         log_z_estimate(recording, run, dwells, tracker.ticks)
+        log_certainty(recording, run, dwells, tracker.ticks)
         _log_procedure(recording, run)
         log_traffic(recording, run.record, ends)
     _log_texts(recording, run.record)
@@ -198,6 +207,7 @@ def _log_texts(recording: rr.RecordingStream, record: dict[str, Any]) -> None:
     for name, text in (
         ("verdict", verdict_markdown(record)),
         ("methods", methods_markdown(record)),
+        ("certainty", certainty_markdown(record)),
         ("deviation", deviation_markdown(record)),
     ):
         document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)

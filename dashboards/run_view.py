@@ -9,20 +9,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bench.acceptance.site import reference_heading_deg
 from bench.calibration.compensation import completed_field_mg
 from bench.calibration.ranking import RAW
 from bench.calibration.tilt import two_axis_attitude_deg
 from bench.record.recorded_fits import judged_method, recorded_fits
+from bench.record.swing import site_of
 from bench.sample_file import iterate_samples
 from bench.samples import COMPLETE, MOVING
 from protocols.angles import wrap_180_deg, wrap_360_deg
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
+    from bench.acceptance.site import SiteField
     from bench.calibration.fit import Fit
     from bench.record.recorded_fits import RecordedFits
 
@@ -85,6 +88,11 @@ class RunView:
             ]
         )
 
+    @cached_property
+    def site(self) -> SiteField | None:
+        """The station's field as the record has it; None where it has none."""
+        return site_of(self.record) if self.record.get("station") else None
+
     @property
     def field_azimuth_deg(self) -> float:
         """Direction of magnetic north from the rig's zero."""
@@ -97,17 +105,29 @@ class RunView:
 
     def limit_deg(self, kind: str, default: float) -> float:
         """Return the limit of the heading error of verified poses, `kind` "level" or "tilt"."""
+        band = self.band(kind)
+        return default if band is None else band[0]
+
+    def band(self, kind: str) -> tuple[float, float] | None:
+        """Return limit and acceptance limit of the error of verified poses; None without them."""
         names = (f"{kind}_max", f"achieved_{kind}_max")
         for measurement in self.record.get("measurements", []):
             if measurement["name"] in names and measurement.get("high") is not None:
-                return float(measurement["high"])
-        return default
+                high = float(measurement["high"])
+                return high, high - float(measurement.get("guard_band") or 0.0)
+        return None
 
     def heading_errors_deg(
         self, heading_deg: NDArray[np.float64], rows: NDArray[np.void]
     ) -> NDArray[np.float64]:
-        """Return heading minus the rig's magnetic heading, shape (n,), in (-180, 180]."""
-        return wrap_180_deg(heading_deg - (rows["rig_azimuth_deg"] - self.field_azimuth_deg))
+        """Return heading minus that of a perfect module, shape (n,), in (-180, 180]."""
+        return wrap_180_deg(heading_deg - self.reference_deg(rows))
+
+    def reference_deg(self, rows: NDArray[np.void]) -> NDArray[np.float64]:
+        """Return the heading, shape (n,), that a perfect module would send at each row."""
+        if self.site is None:
+            return wrap_360_deg(rows["rig_azimuth_deg"] - self.field_azimuth_deg)
+        return reference_heading_deg(rows, self.site)
 
     @cached_property
     def raw_error_span_deg(self) -> float:
@@ -119,6 +139,14 @@ class RunView:
             error_deg = self.heading_errors_deg(heading_deg, settled)
             largest_deg = max(largest_deg, float(np.abs(error_deg).max(initial=0.0)))
         return float(min(180.0, 10.0 * np.ceil(1.05 * (largest_deg or 10.0) / 10.0)))
+
+    def interval_s(self, positions: Sequence[int]) -> tuple[float, float] | None:
+        """Return from just before the first to just after the last sample at positions, if any."""
+        times_s = [
+            samples["t_s"][np.isin(samples["position"], positions)] for samples in self._samples()
+        ]
+        found = np.concatenate([*times_s, np.zeros(0)])
+        return (float(found.min()) - 1.0, float(found.max()) + 1.0) if len(found) else None
 
     @cached_property
     def fits(self) -> RecordedFits:
@@ -156,7 +184,7 @@ class RunView:
             samples=samples,
             raw_mg=raw_mg,
             compensated_mg=compensated_mg,
-            reference_deg=wrap_360_deg(samples["rig_azimuth_deg"] - self.field_azimuth_deg),
+            reference_deg=self.reference_deg(samples),
             raw_deg=self.fits.heading_deg(RAW, raw_mg, samples),
             compensated_deg=compensated_deg,
         )

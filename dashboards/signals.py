@@ -10,6 +10,7 @@ import rerun as rr
 from bench.acceptance.site import is_level
 from bench.record.recorded_fits import VERIFIED_KINDS, step_positions
 from dashboards import entities, scene
+from dashboards.certainty import log_band, log_lines
 from dashboards.columns import Times, dwell_times, send_scalars, style_line, style_points
 
 if TYPE_CHECKING:
@@ -143,17 +144,23 @@ def _log_tracks(recording: rr.RecordingStream, block: Block, times: Times) -> No
 
 
 def log_limit_band(
-    recording: rr.RecordingStream, samples: NDArray[np.void], limit_deg: float
+    recording: rr.RecordingStream,
+    samples: NDArray[np.void],
+    limit_deg: float,
+    accept_deg: float,
 ) -> None:
-    """Draw the limit as a shaded band over the whole run, from its first and last sample."""
+    """Draw the limit as a band and the acceptance limit as lines, from first to last sample.
+
+    Between the two lies the guard band.
+    """
     times = Times(samples, samples["position"].astype(np.int64)).columns()
-    band = rr.Measurements.columns(values=[0.0, 0.0], variances=[limit_deg**2] * 2)
-    path = f"{entities.ERROR}/limit"
-    style = rr.Measurements.from_fields(
-        names=[f"limit ±{limit_deg:g}°"], colors=[entities.AMBER], widths=[0.5]
-    )
-    recording.log(path, style, static=True)
-    recording.send_columns(path, indexes=times, columns=band)
+    log_band(
+        recording, f"{entities.ERROR}/limit", times, np.zeros(2), np.full(2, limit_deg),
+        name=f"limit ±{limit_deg:g}°", colour=entities.AMBER,
+    )  # fmt: skip
+    if accept_deg < limit_deg:
+        name = f"accepted to ±{accept_deg:.3g}°"
+        log_lines(recording, f"{entities.ERROR}/accepted", times, accept_deg, name=name)
 
 
 def log_dwell_errors(

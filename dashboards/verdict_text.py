@@ -4,7 +4,22 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from bench.record.method_study import ORDER_REASON, method_rows, order_rows
+from bench.record.certainty import (
+    budget_rows,
+    dominant_words,
+    has_certainty,
+    probability_words,
+    share_words,
+    unseen_words,
+)
+from bench.record.field_watch_words import field_watch
+from bench.record.method_study import (
+    ORDER_REASON,
+    error_words,
+    method_rows,
+    no_model,
+    order_rows,
+)
 
 _MARKS: Final = {
     "PASS": "pass",
@@ -43,8 +58,8 @@ def verdict_markdown(record: dict[str, Any]) -> str:
         "",
         verdict.get("next_action", ""),
         "",
-        "| measurement | value | limits | unit | result |",
-        "|---|---:|---:|---|:--:|",
+        "| measurement | value | limits | unit | U | conforming | result |",
+        "|---|---:|---:|---|---:|---:|:--:|",
     ]
     judged = [m for m in record.get("measurements", []) if _limits(m)]
     judged.sort(key=lambda m: (m.get("outcome") == "PASS", m["name"] not in _HEADINGS))
@@ -52,12 +67,20 @@ def verdict_markdown(record: dict[str, Any]) -> str:
         mark = _MARKS.get(str(measurement.get("outcome")), str(measurement.get("outcome")))
         lines.append(
             f"| {measurement['name']} | {_number(measurement['value'])} | {_limits(measurement)} "
-            f"| {measurement.get('unit', '')} | {mark} |"
+            f"| {measurement.get('unit', '')} | {_uncertainty(measurement)} "
+            f"| {probability_words(measurement.get('conformity'))} | {mark} |"
         )
+    watch = field_watch(record)
+    if watch is not None and watch["spoiled"]:
+        lines += ["", watch["words"]]
     faults = record.get("injected_faults") or []
     if faults:
         lines += ["", f"Injected faults: {', '.join(map(str, faults))}"]
     return "\n".join(lines)
+
+
+def _uncertainty(measurement: dict[str, Any]) -> str:
+    return _number(measurement.get("uncertainty") or None)
 
 
 def methods_markdown(record: dict[str, Any]) -> str:
@@ -65,26 +88,70 @@ def methods_markdown(record: dict[str, Any]) -> str:
     lines = [
         "# Methods on the same readings",
         "",
-        "| method | level max (°) | level rms | tilt max | tilt rms | predicted | residual (mG) "
-        "| tilt from |",
-        "|---|---:|---:|---:|---:|---:|---:|---|",
+        "RMS heading error (°), level / tilted: claimed by the method, expected before the "
+        "verification, achieved there",
+        "",
+        "| method | claimed | expected | achieved | largest | tilt from | the claim is |",
+        "|---|---:|---:|---:|---:|---|---|",
     ]
     for row in method_rows(record):
         name = f"**{row.name}**, written" if row.written else row.name
         if row.cause:
-            lines.append(f"| {name} | refused: {row.cause} | | | | | | |")
+            lines.append(f"| {name} | refused: {row.cause} | | | | | |")
             continue
+        claimed = error_words(row.claimed_rms_deg)
         cells = [
-            row.level_max_deg,
-            row.level_rms_deg,
-            row.tilt_max_deg,
-            row.tilt_rms_deg,
-            row.predicted_rms_deg,
-            row.residual_mg,
+            f"**{claimed} !**" if row.unsaid else claimed,
+            _pair(row.expected.get("level_rms_deg"), row.expected.get("tilt_rms_deg")),
+            _pair(row.level_rms_deg, row.tilt_rms_deg),
+            _pair(row.level_max_deg, row.tilt_max_deg),
+            row.tilt_from,
+            row.claim_without,
         ]
-        numbers = " | ".join(_number(cell) for cell in cells)
-        lines.append(f"| {name} | {numbers} | {row.tilt_from} |")
-    return "\n".join([*lines, *_orders(record)])
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join([*lines, *_method_notes(record), *_orders(record)])
+
+
+def _method_notes(record: dict[str, Any]) -> list[str]:
+    notes = []
+    if any(row.unsaid for row in method_rows(record)):
+        notes.append("**!** wrong without saying so: over twice what claim and noise explain.")
+    missing = no_model(record)
+    notes += [f"No expected error: {missing}."] if missing else []
+    return ["", *notes] if notes else []
+
+
+def _pair(level_deg: float | None, tilt_deg: float | None) -> str:
+    return f"{error_words(level_deg)} / {error_words(tilt_deg)}"
+
+
+def certainty_markdown(record: dict[str, Any]) -> str:
+    """Return U, conformity and budget of the verified headings, the largest contribution first."""
+    section = record.get("uncertainty") or {}
+    lines = ["# How sure", ""]
+    if not has_certainty(record):
+        return "\n".join([*lines, "The record has no uncertainty of the verified headings."])
+    lines += [
+        "| | U of the test (°) | test uncertainty ratio | conforming |",
+        "|---|---:|---:|---:|",
+    ]
+    for kind, name in (("level", "level"), ("tilt", "tilted")):
+        found = section.get(kind) or {}
+        if found.get("u_max_deg") is not None:
+            lines.append(
+                f"| {name} | {_number(found['u_max_deg'])} | {_number(found.get('tur'))} "
+                f"| {probability_words(found.get('conformity'))} |"
+            )
+    rows = budget_rows(record)
+    lines += ["", dominant_words(rows), "", unseen_words(record), ""]
+    lines += ["| contribution | of | standard | level (°) | tilted (°) | variance |"]
+    lines += ["|---|---|---:|---:|---:|---:|"]
+    lines += [
+        f"| {row.name} | {row.group} | {_number(row.value)} {row.unit} | {row.level_deg:.3f} "
+        f"| {row.tilted_deg:.3f} | {share_words(row.share)} |"
+        for row in rows
+    ]
+    return "\n".join(lines)
 
 
 def _orders(record: dict[str, Any]) -> list[str]:
@@ -104,7 +171,7 @@ def _orders(record: dict[str, Any]) -> list[str]:
         "|---|" + "---:|" * len(names),
     ]
     for row in rows:
-        cells = [f"{_number(e.level_max_deg)} / {_number(e.tilt_max_deg)}" for e in row.effects]
+        cells = [_pair(e.level_max_deg, e.tilt_max_deg) for e in row.effects]
         lines.append(f"| {row.name} | " + " | ".join(cells) + " |")
     return lines
 

@@ -1,15 +1,18 @@
 r"""The module's non-volatile memory: two banks of coefficients and a marker, kept twice.
 
 ```
-offset 0    magic "CBNVM01\0"
+offset 0    magic "CBNVM02\0"
        8    marker A    sequence u32 | active u8 | staged u8 | boots u16 | CRC-32
       20    marker B    the same; the valid one with the higher sequence counts
-      32    bank 0      protocols.uds.pack_coefficients, with its own CRC-32
-     144    bank 1
+      32    bank 0      protocols.uds.pack_coefficients, with its own CRC-32, then zeros
+     156    bank 1
 ```
 A write never touches the bank or the marker in use: it fills the other bank, or the other
 marker. So an image of which only a part was written still holds the old coefficients or
 the new ones, and a file is besides replaced whole (written aside, flushed, renamed).
+
+An image of the former layout ("CBNVM01\0", places for banks without cross-axis terms) is read as it
+is; the first write after that replaces it whole by one of the present layout.
 """
 
 from __future__ import annotations
@@ -21,25 +24,31 @@ import zlib
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from protocols.errors import FrameError
-from protocols.uds import BANK_LENGTH, DEFAULT_COEFFICIENTS, unpack_coefficients
+from protocols.uds import (
+    BANK_LENGTH,
+    DEFAULT_COEFFICIENTS,
+    PLAIN_BANK_LENGTH,
+    bank_in,
+    unpack_coefficients,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from protocols.uds import Coefficients
 
-MAGIC: Final = b"CBNVM01\0"
+MAGIC: Final = b"CBNVM02\0"
+FORMER_MAGIC: Final = b"CBNVM01\0"
 NO_BANK: Final = 0xFF
 """Active bank of a module that was never calibrated."""
 
 _MARKER = struct.Struct("<IBBH")
 _MARKER_LENGTH: Final = _MARKER.size + 4
 _MARKERS: Final = (len(MAGIC), len(MAGIC) + _MARKER_LENGTH)
-_BANKS: Final = (
-    len(MAGIC) + 2 * _MARKER_LENGTH,
-    len(MAGIC) + 2 * _MARKER_LENGTH + BANK_LENGTH,
-)
+_BANKS_BEGIN: Final = len(MAGIC) + 2 * _MARKER_LENGTH
+_BANKS: Final = (_BANKS_BEGIN, _BANKS_BEGIN + BANK_LENGTH)
 IMAGE_LENGTH: Final = _BANKS[1] + BANK_LENGTH
+FORMER_IMAGE_LENGTH: Final = _BANKS_BEGIN + 2 * PLAIN_BANK_LENGTH
 
 logger = logging.getLogger(f"compassbench.{__name__}")
 
@@ -172,7 +181,7 @@ class CoefficientStore:
         if self._marker.staged:
             self._mark(self._marker._replace(staged=0))
         start = _BANKS[self._other()]
-        self._put(start, bank)
+        self._put(start, bank.ljust(BANK_LENGTH, b"\0"))
         self._mark(self._marker._replace(staged=1))
 
     def commit(self) -> bool:
@@ -191,12 +200,15 @@ class CoefficientStore:
         return 1 if self._marker.active == 0 else 0
 
     def _bank(self, number: int) -> bytes:
-        return self._image[_BANKS[number] : _BANKS[number] + BANK_LENGTH]
+        return bank_in(self._image[_BANKS[number] : _BANKS[number] + BANK_LENGTH])
 
     def _load(self) -> None:
         image = self._medium.read()
         self.lost = False
+        self._former = image.startswith(FORMER_MAGIC)
         marker = _newest_marker(image)
+        if self._former and marker is not None:
+            image = _of_present_layout(image)
         if marker is None:
             self.lost = bool(image)
             marker = Marker(0, NO_BANK, 0, 0)
@@ -231,22 +243,39 @@ class CoefficientStore:
     def _put(self, start: int, data: bytes) -> None:
         changed = slice(start, start + len(data))
         image = self._image[:start] + data + self._image[changed.stop :]
-        self._medium.write(image, changed)
+        self._medium.write(image, slice(0, len(image)) if self._former else changed)
         self._image = image
+        self._former = False
 
 
 def _newest_marker(image: bytes) -> Marker | None:
-    if len(image) != IMAGE_LENGTH or not image.startswith(MAGIC):
+    magic = image[: len(MAGIC)]
+    lengths = {MAGIC: IMAGE_LENGTH, FORMER_MAGIC: FORMER_IMAGE_LENGTH}
+    if len(image) != lengths.get(magic):
         return None
     markers = []
     for start in _MARKERS:
         body = image[start : start + _MARKER.size]
         crc = image[start + _MARKER.size : start + _MARKER_LENGTH]
-        if zlib.crc32(MAGIC + body).to_bytes(4, "little") == crc:
+        if zlib.crc32(magic + body).to_bytes(4, "little") == crc:
             marker = Marker(*_MARKER.unpack(body))
             if marker.active in (0, 1, NO_BANK):
                 markers.append(marker)
     return max(markers, default=None)
+
+
+def _of_present_layout(image: bytes) -> bytes:
+    """Return an image of the former layout in the present one; a broken marker becomes zeros."""
+    head = MAGIC
+    for start in _MARKERS:
+        body = image[start : start + _MARKER.size]
+        crc = image[start + _MARKER.size : start + _MARKER_LENGTH]
+        sound = zlib.crc32(FORMER_MAGIC + body).to_bytes(4, "little") == crc
+        renewed = body + zlib.crc32(MAGIC + body).to_bytes(4, "little")
+        head += renewed if sound else bytes(_MARKER_LENGTH)
+    second = _BANKS_BEGIN + PLAIN_BANK_LENGTH
+    banks = (image[_BANKS_BEGIN:second], image[second:])
+    return head + b"".join(bank.ljust(BANK_LENGTH, b"\0") for bank in banks)
 
 
 def _sound(bank: bytes) -> Coefficients | None:

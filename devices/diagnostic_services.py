@@ -187,7 +187,8 @@ class DiagnosticServices:
         return staged
 
     def _write_staged(self, bank: bytes) -> None:
-        self.require_length(bank, uds.BANK_LENGTH)
+        if len(bank) not in (uds.PLAIN_BANK_LENGTH, uds.BANK_LENGTH):
+            raise NegativeResponse(Nrc.INCORRECT_LENGTH)
         try:
             self._firmware.stage(bank)
         except FrameError as error:

@@ -2,16 +2,19 @@
 
 A fault has a name, what it breaks in one sentence, and the measurement that is expected to
 miss its limit first. Strength 1 is the full fault and 0 none; between, it scales as the
-physics does.
+physics does. A fault of kind `field` that passes is no failure: the run repeats what it spoiled.
 """
 
 from __future__ import annotations
 
 import difflib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
+
+AMID_RUN_TICK: Final = 3000
+"""Start of faults that would not be noticed at power-on: in the middle of a run."""
 
 
 class FaultKind(StrEnum):
@@ -21,6 +24,8 @@ class FaultKind(StrEnum):
     ACCELEROMETER = "accelerometer"
     FIRMWARE = "firmware"
     RIG = "rig"
+    FIELD = "field"
+    SEAT = "seat"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,13 +37,20 @@ class Fault:
     breaks : str
         What is broken at strength 1, in one sentence.
     detects : str
-        Measurement or error of the bench that is expected first.
+        Measurement or error of the bench that is expected first; where the run goes on and
+        passes, the section of the record that says what was repeated.
+    from_tick : int
+        Tick at which it starts if none is named.
+    passes : bool
+        Whether a good unit passes all the same.
     """
 
     name: str
     kind: FaultKind
     breaks: str
     detects: str
+    from_tick: int = 0
+    passes: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,13 +137,65 @@ def _single() -> list[Fault]:
             kind=FaultKind.FIRMWARE,
             breaks="The module stops sending and answering.",
             detects="module_silent",
+            from_tick=AMID_RUN_TICK,
+        ),
+    ]
+
+
+def _of_field() -> list[Fault]:
+    return [
+        Fault(
+            name="forklift",
+            kind=FaultKind.FIELD,
+            breaks="A forklift drives up to 4 m from the rig, unloads for 20 s and drives on.",
+            detects="field_watch",
+            from_tick=AMID_RUN_TICK,
+            passes=True,
+        ),
+        Fault(
+            name="field_step",
+            kind=FaultKind.FIELD,
+            breaks="A steel rack is put down 4 m from the rig and stays.",
+            detects="field_changed",
+            from_tick=AMID_RUN_TICK,
+        ),
+        Fault(
+            name="reference_silent",
+            kind=FaultKind.FIELD,
+            breaks="The station's reference magnetometer stops sending.",
+            detects="reference_silent",
+            from_tick=AMID_RUN_TICK,
+        ),
+    ]
+
+
+def _of_seat() -> list[Fault]:
+    """Return what no run on one seat can see: `bench_verify` does, by reversal."""
+    return [
+        Fault(
+            name="seat_turned",
+            kind=FaultKind.SEAT,
+            breaks="The seat is turned by half a degree about down against the rig's inner axis.",
+            detects="seat_index_change",
+        ),
+        Fault(
+            name="fixture_iron",
+            kind=FaultKind.SEAT,
+            breaks="Iron of 3 mG sits in the fixture and turns with the seat.",
+            detects="fixture_iron_change",
         ),
     ]
 
 
 FAULTS: Final[dict[str, Fault]] = {
-    fault.name: fault for fault in (*_of_axes(), *_single(), *_of_axis_names())
+    fault.name: fault
+    for fault in (*_of_axes(), *_single(), *_of_axis_names(), *_of_field(), *_of_seat())
 }
+
+
+def timed(active: ActiveFault) -> ActiveFault:
+    """Return the fault with its own start where it names none."""
+    return replace(active, tick=active.tick or active.fault.from_tick)
 
 
 def parse_fault(specification: str) -> ActiveFault:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
+from devices.crossed_field import CrossedField
 from devices.two_axis import TwoAxisFormula, completed
 from protocols import compass, uds
 from protocols.errors import FrameError
@@ -83,6 +84,7 @@ class HeadingFormula:
     """Coefficients folded with the converters' scales: float32, one product a cycle."""
 
     def __init__(self, coefficients: Coefficients, converters: Converters) -> None:
+        self._crossed = CrossedField(coefficients, converters)
         matrix = np.zeros((6, 6))
         matrix[:3, :3] = np.reshape(coefficients.mag_matrix, (3, 3))
         matrix[3:, 3:] = np.reshape(coefficients.accel_matrix, (3, 3))
@@ -103,7 +105,7 @@ class HeadingFormula:
         accel_counts : tuple of int
             Specific force in counts.
         """
-        raw = np.array(difference_counts + accel_counts, dtype=_F32)
+        raw = self._crossed.taken_out(np.array(difference_counts + accel_counts, dtype=_F32))
         mx, my, mz, fx, fy, fz = self._matrix @ raw - self._bias
         across = fy * fy + fz * fz
         squared = fx * fx + across

@@ -6,18 +6,25 @@ noise and the diagnostics' seeds.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
+
+import numpy as np
 
 from devices.coefficient_store import CoefficientStore
 from devices.drive import Drive
-from devices.faults import FaultKind, parse_fault
+from devices.faults import FaultKind, parse_fault, timed
 from devices.field import EarthField
+from devices.field_faults import vehicle_of
 from devices.firmware import Converters, Firmware
 from devices.host import Host
 from devices.module import CompassModule
+from devices.operator import VirtualOperator
+from devices.reference_magnetometer import ReferenceMagnetometer
 from devices.replay import ReplaySensors
 from devices.rig import draw_rig
+from devices.seat import Seat
 from devices.sensors import Sensors
 from devices.unit import draw_unit, unit_stream
 from devices.world import SlowDrift, World
@@ -25,13 +32,15 @@ from protocols.canopen import AXIS_NODES
 from protocols.clock import MonotonicClock
 from protocols.compass import PART_THREE_AXIS, PARTS
 from protocols.j1939 import MODULE_ADDRESS
+from protocols.reference_field import REFERENCE_ADDRESS
 from protocols.sync import TICK_NS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
     from pathlib import Path
 
     from devices.faults import ActiveFault
+    from devices.host import Node
     from devices.unit import ModuleUnit
     from protocols.clock import Clock
     from protocols.link import Link
@@ -39,11 +48,16 @@ if TYPE_CHECKING:
 LONGEST_SERIAL: Final = 32
 SILENT_TICKS: Final = 500
 """The fault `module_silent` below strength 1 lasts for this number of ticks times it."""
-SILENT_FROM_TICK: Final = 3000
-"""Tick at which the module falls silent if the fault names none: in the middle of a run."""
 _NOISE: Final = 2
 _FIRMWARE: Final = 3
+_REFERENCE_STREAM: Final = 0x5EF
+"""Stream of the reference magnetometer: its own, so that no other node's numbers change by it."""
+_OPERATOR_STREAM: Final = 0x0B5
 _NEVER_NS: Final = 1 << 62
+TURNED_DEG: Final = 0.5
+"""Turn of the seat by the full fault `seat_turned`."""
+FIXTURE_IRON_MG: Final = (2.0, -2.0, 1.0)
+"""Iron of the full fault `fixture_iron`: 3 mG."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +84,12 @@ class SimulatorOptions:
         J1939 source address of the module.
     drift : bool
         Whether the site's field drifts slowly.
+    reference_address : int or None
+        J1939 source address of the reference magnetometer; None leaves it out.
+    seat : Seat
+        Turn and iron of the seat; a square one without iron by default.
+    seating_sd_deg : float
+        Standard deviation of each of the three turns of a unit that is put in again, deg.
 
     Raises
     ------
@@ -88,6 +108,9 @@ class SimulatorOptions:
     declination_deg: float = 0.0
     address: int = MODULE_ADDRESS
     drift: bool = True
+    reference_address: int | None = REFERENCE_ADDRESS
+    seat: Seat = Seat()
+    seating_sd_deg: float = 0.01
 
     def __post_init__(self) -> None:
         serial = self.serial
@@ -99,6 +122,15 @@ class SimulatorOptions:
             raise ValueError(message)
         if not 0 <= self.address <= 0xFD:
             message = f"address must be within 0 and 253; instead received {self.address}"
+            raise ValueError(message)
+        if self.address == self.reference_address:
+            message = (
+                "reference_address must not be the module's address; "
+                f"instead received {self.address} for both"
+            )
+            raise ValueError(message)
+        if not 0.0 <= self.seating_sd_deg <= 1.0:
+            message = f"seating_sd_deg must be within 0 and 1 deg; instead {self.seating_sd_deg}"
             raise ValueError(message)
         if self.seed < 0:
             message = f"seed must be at least 0; instead received {self.seed}"
@@ -123,12 +155,18 @@ class FaultSchedule:
     """Starts each fault at its tick, in the part of the simulator that it breaks."""
 
     def __init__(
-        self, faults: Sequence[ActiveFault], world: World, sensors: object, module: CompassModule
+        self,
+        faults: Sequence[ActiveFault],
+        world: World,
+        sensors: object,
+        module: CompassModule,
+        reference: ReferenceMagnetometer | None = None,
     ) -> None:
-        self._pending = sorted(faults, key=lambda fault: fault.tick)
+        self._pending = sorted(map(timed, faults), key=lambda fault: fault.tick)
         self._world = world
         self._sensors = sensors
         self._module = module
+        self._reference = reference
         self(0)
 
     def __call__(self, tick: int) -> None:
@@ -141,12 +179,35 @@ class FaultSchedule:
         if name == "lost_write":
             self._module.firmware.lost_write = active.strength
         elif name == "module_silent":
-            from_ns = (active.tick or SILENT_FROM_TICK) * TICK_NS
-            ticks = int(SILENT_TICKS * active.strength)
-            until_ns = _NEVER_NS if active.strength >= 1.0 else from_ns + ticks * TICK_NS
-            self._module.silence(from_ns, until_ns)
+            self._module.silence(*_silent_span(active))
+        elif name == "reference_silent":
+            if self._reference is not None:
+                self._reference.silence(*_silent_span(active))
+        elif active.fault.kind is FaultKind.SEAT:
+            self._world.seat = worse_seat(self._world.seat, active)
+        elif active.fault.kind is FaultKind.FIELD:
+            if active.strength > 0.0:
+                self._world.drive_up(vehicle_of(active))
         elif not self._world.rig.apply(active) and isinstance(self._sensors, Sensors):
             self._sensors.apply(active)
+
+
+def worse_seat(seat: Seat, active: ActiveFault) -> Seat:
+    """Return a seat with a fault of it at its strength."""
+    if active.fault.name == "seat_turned":
+        return replace(seat, index_deg=seat.index_deg + TURNED_DEG * active.strength)
+    x, y, z = (
+        own + more * active.strength
+        for own, more in zip(seat.iron_mg, FIXTURE_IRON_MG, strict=True)
+    )
+    return replace(seat, iron_mg=(x, y, z))
+
+
+def _silent_span(active: ActiveFault) -> tuple[int, int]:
+    """Return the times from which and until which a node is silent."""
+    from_ns = active.tick * TICK_NS
+    ticks = int(SILENT_TICKS * active.strength)
+    return from_ns, _NEVER_NS if active.strength >= 1.0 else from_ns + ticks * TICK_NS
 
 
 def build_world(options: SimulatorOptions) -> World:
@@ -157,7 +218,7 @@ def build_world(options: SimulatorOptions) -> World:
         declination_deg=options.declination_deg,
     )
     drift = SlowDrift() if options.drift else None
-    return World(field, draw_rig(options.seed), drift=drift)
+    return World(field, draw_rig(options.seed), drift=drift, seat=options.seat)
 
 
 def build_module(
@@ -214,20 +275,37 @@ def module_of(
 
 
 def build_host(options: SimulatorOptions, links: Link | Sequence[Link]) -> Host:
-    """Return the host of a virtual station: three drives, then the module.
+    """Return the host: three drives, module, reference magnetometer, and the virtual operator.
 
     Parameters
     ----------
     options : SimulatorOptions
         What to build.
     links : Link or sequence of Link
-        One for all four nodes, or one for each in that order.
+        One for all nodes, or one for each device in that order; the operator, who is no device,
+        is on the last one's.
     """
     world = build_world(options)
     module, sensors = build_module(options, world)
-    schedule = FaultSchedule([parse_fault(f) for f in options.faults], world, sensors, module)
+    reference = build_reference(options, world)
+    faults = [parse_fault(specification) for specification in options.faults]
+    schedule = FaultSchedule(faults, world, sensors, module, reference)
     at_tick = schedule if options.faults else None
-    return Host(world, [*build_drives(world, options.seed), module], links, at_tick=at_tick)
+    rng = np.random.default_rng((_OPERATOR_STREAM, options.seed))
+    operator = VirtualOperator(world, rng, seating_sd_deg=options.seating_sd_deg)
+    nodes: list[Node] = [*build_drives(world, options.seed), module]
+    nodes += [operator] if reference is None else [reference, operator]
+    if isinstance(links, Sequence):
+        links = [*links, links[-1]]
+    return Host(world, nodes, links, at_tick=at_tick)
+
+
+def build_reference(options: SimulatorOptions, world: World) -> ReferenceMagnetometer | None:
+    """Return the station's reference magnetometer, if it has one."""
+    if options.reference_address is None:
+        return None
+    rng = np.random.default_rng((_REFERENCE_STREAM, options.seed))
+    return ReferenceMagnetometer(world, rng, address=options.reference_address)
 
 
 def simulate(

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from devices.crossed_field import CrossedField
+
 if TYPE_CHECKING:
     from devices.firmware import Converters, Counts
     from protocols.uds import Coefficients
@@ -35,6 +37,7 @@ class TwoAxisFormula:
     """
 
     def __init__(self, coefficients: Coefficients, converters: Converters) -> None:
+        self._crossed = CrossedField(coefficients, converters)
         mag_matrix = np.reshape(coefficients.mag_matrix, (3, 3)).copy()
         mag_matrix[:2, 2] = 0.0  # z of the field is no part of the heading
         accel_matrix = np.reshape(coefficients.accel_matrix, (3, 3))
@@ -61,7 +64,7 @@ class TwoAxisFormula:
             Specific force in counts, z completed. Gravity's alone, or the tilt is wrong: with two
             axes no other force shows.
         """
-        raw = np.array(difference_counts + accel_counts, dtype=_F32)
+        raw = self._crossed.taken_out(np.array(difference_counts + accel_counts, dtype=_F32))
         X, Y, ax, ay = self._matrix @ raw - self._bias  # noqa: N806 - the paper's symbols
         if not ax * ax + ay * ay < _ONE:
             return None

@@ -1,7 +1,8 @@
 """The bus as other tools read it: `bus.dbc` and `rig_axis.eds`, beside this file.
 
-`python -m protocols.database` writes both from the layouts in `rig_frames` and
-`module_frames` and the objects in `axis_objects`; a test holds the files against them.
+`python -m protocols.database` writes both from the layouts in `rig_frames`, `module_frames`,
+`reference_field` and `remounting` and the objects in `axis_objects`; a test holds the files
+against them.
 
     candump -L vcan0 | cantools decode bus.dbc                   all frames, module at 80h
     candump -L vcan0 | cantools decode -m 0x1fffff00 bus.dbc     modules at any source address
@@ -17,6 +18,8 @@ from typing import TYPE_CHECKING, Final
 
 from protocols.axis_eds import axis_eds
 from protocols.module_frames import MODULE, SIMULATOR, module_frames
+from protocols.reference_field import REFERENCE, reference_frames
+from protocols.remounting import remount_frames
 from protocols.rig_frames import AXES, BENCH, drive_node, rig_frames
 
 if TYPE_CHECKING:
@@ -26,15 +29,16 @@ if TYPE_CHECKING:
 
 DBC_PATH: Final = Path(__file__).with_name("bus.dbc")
 EDS_PATH: Final = Path(__file__).with_name("rig_axis.eds")
-NODES: Final = (BENCH, *(drive_node(node_id) for node_id in AXES), MODULE, SIMULATOR)
+NODES: Final = (BENCH, *(drive_node(node_id) for node_id in AXES), MODULE, REFERENCE, SIMULATOR)
 
 _FORMAT_STANDARD: Final = 0
 _FORMAT_J1939: Final = 3
 
 
 def bus_frames() -> tuple[FrameLayout, ...]:
-    """Return the layout of every frame on the bus, with one module at its default address."""
-    return (*rig_frames(), *module_frames())
+    """Return the layout of every frame on the bus, each node at its default address."""
+    operator = remount_frames(BENCH, SIMULATOR)
+    return (*rig_frames(), *reference_frames(), *module_frames(), *operator)
 
 
 def dbc_text() -> str:
@@ -56,7 +60,8 @@ def dbc_text() -> str:
 
 def _frame_lines(frame: FrameLayout) -> Iterator[str]:
     yield f"BO_ {frame.can_id} {frame.name}: {frame.length} {frame.sender}"
-    receiver = MODULE if frame.sender == BENCH and frame.extended else BENCH
+    usual = MODULE if frame.sender == BENCH and frame.extended else BENCH
+    receiver = frame.receiver or usual
     receiver = "Vector__XXX" if frame.sender == receiver else receiver
     for signal in frame.signals:
         yield _signal_line(signal, receiver)

@@ -48,7 +48,8 @@ class FrameLayout:
     """One frame of the bus.
 
     `can_id` has `EXTENDED` set for 29 bits, `length` is bytes, `sender` a node of
-    `database.NODES`, `cycle_ms` the usual period, 0 for frames sent when needed.
+    `database.NODES`, `cycle_ms` the usual period, 0 for frames sent when needed. `receiver` names
+    the node that reads it, where it is not the bench or, for what the bench sends, the module.
     """
 
     can_id: int
@@ -58,6 +59,7 @@ class FrameLayout:
     signals: tuple[SignalLayout, ...]
     cycle_ms: int = 0
     comment: str = ""
+    receiver: str = ""
 
     @property
     def extended(self) -> bool:

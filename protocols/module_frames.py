@@ -12,7 +12,7 @@ from protocols.sync import TICK_DONE_ID
 MODULE: Final = "CompassModule"
 SIMULATOR: Final = "Simulator"
 
-_E2E: Final = (
+E2E_SIGNALS: Final = (
     unsigned("E2eCrc", 0, 8, comment="AUTOSAR E2E profile 1A, data ID = low 16 identifier bits"),
     unsigned("E2eCounter", 8, 4, comment="0..14"),
     unsigned("Group", 12, 4, comment="the same in all frames of one measuring cycle"),
@@ -44,8 +44,8 @@ def module_frames(address: int = j1939.MODULE_ADDRESS) -> tuple[FrameLayout, ...
         _heading(address),
         _status(address),
         _vehicle_direction(address),
-        _address_claimed(address),
-        _request(address),
+        address_claimed_frame(j1939.address_claimed_id(address), "AddressClaimed", MODULE),
+        request_frame(j1939.request_id(address), "Request"),
         *_diagnostics(address),
         _tick_done(),
     )
@@ -63,7 +63,7 @@ def _axes(can_id: int, name: str, scale: float, unit: str, comment: str) -> Fram
         sender=MODULE,
         cycle_ms=10,
         comment=comment,
-        signals=(*_E2E, *axes),
+        signals=(*E2E_SIGNALS, *axes),
     )
 
 
@@ -76,7 +76,7 @@ def _heading(address: int) -> FrameLayout:
         cycle_ms=10,
         comment="magnetic heading by the module's own coefficients",
         signals=(
-            *_E2E,
+            *E2E_SIGNALS,
             _angle("Heading", 16, 16, compass.HEADING_DEG_PER_COUNT, signed=False),
             _angle("Pitch", 32, 14, compass.PITCH_DEG_PER_COUNT, signed=True),
             _angle("Roll", 46, 14, compass.ROLL_DEG_PER_COUNT, signed=True),
@@ -144,12 +144,13 @@ def _j1939(name: str, start: int, scale: float, offset: float, unit: str, spn: i
     )
 
 
-def _address_claimed(address: int) -> FrameLayout:
+def address_claimed_frame(can_id: int, name: str, sender: str) -> FrameLayout:
+    """Return the layout of a node's address claim."""
     return FrameLayout(
-        can_id=j1939.address_claimed_id(address),
-        name="AddressClaimed",
+        can_id=can_id,
+        name=name,
         length=8,
-        sender=MODULE,
+        sender=sender,
         comment="PGN 60928 of SAE J1939-81: the 64-bit NAME",
         signals=(
             unsigned("IdentityNumber", 0, 21, comment="from the serial number"),
@@ -165,12 +166,14 @@ def _address_claimed(address: int) -> FrameLayout:
     )
 
 
-def _request(address: int) -> FrameLayout:
+def request_frame(can_id: int, name: str, receiver: str = MODULE) -> FrameLayout:
+    """Return the layout of the bench's request for a parameter group of a node."""
     return FrameLayout(
-        can_id=j1939.request_id(address),
-        name="Request",
+        can_id=can_id,
+        name=name,
         length=3,
         sender=BENCH,
+        receiver=receiver,
         comment="PGN 59904 of SAE J1939-21",
         signals=(unsigned("ParameterGroup", 0, 24),),
     )

@@ -80,13 +80,17 @@ def security_key(seed: bytes) -> bytes:
 class Coefficients:
     """One bank of the module's coefficients, as float32 on the wire.
 
-    corrected field (mG) = mag_matrix @ (raw (mG) - mag_offset_mg)
+    field of a bridge (mG) = raw (mG) (1 - (raw across/hk_mg)^2)
+    corrected field (mG) = mag_matrix @ (field of the bridges (mG) - mag_offset_mg)
     corrected specific force (g) = accel_matrix @ (raw (g) - accel_offset_g)
 
-    The raw field is (set - reset)/2. Matrices are row-major.
+    The raw field is (set - reset)/2; across of x is y, of y and z it is x. Matrices are row-major.
 
     Attributes
     ----------
+    hk_mg : three floats
+        Anisotropy field of the x, y and z film in the reading of the bridge across it; 0 takes no
+        cross-axis term out of that bridge.
     extended_dip_deg : float
         Cho & Park's extended dip angle, within (-90, 90); 0 where the module has three axes.
     horizontal_mg : float
@@ -101,10 +105,18 @@ class Coefficients:
     accel_matrix: tuple[float, ...]
     extended_dip_deg: float = 0.0
     horizontal_mg: float = 0.0
+    hk_mg: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
-_BANK = struct.Struct("<H2x26f")
+_PLAIN_BANK = struct.Struct("<HBx26f")
+_BANK = struct.Struct("<HBx29f")
+PLAIN_BANK_LENGTH: Final = _PLAIN_BANK.size + 4
+"""A bank of layout 0, which ends before hk_mg: no cross-axis term is taken out."""
 BANK_LENGTH: Final = _BANK.size + 4
+"""A bank of layout 1."""
+_LAYOUTS: Final = {PLAIN_BANK_LENGTH: (0, _PLAIN_BANK), BANK_LENGTH: (1, _BANK)}
+LEAST_HK_MG: Final = 2000.0
+"""A film of less is broken: films have 4 G and more."""
 
 DEFAULT_COEFFICIENTS: Final = Coefficients(
     version=0,
@@ -116,7 +128,9 @@ DEFAULT_COEFFICIENTS: Final = Coefficients(
 
 
 def pack_coefficients(coefficients: Coefficients) -> bytes:
-    """Return version, 26 float32 and CRC-32 (little-endian).
+    """Return version, layout, 26 or 29 float32 and CRC-32 (little-endian).
+
+    A bank without cross-axis terms has the layout that modules had before they knew them.
 
     Raises
     ------
@@ -130,9 +144,11 @@ def pack_coefficients(coefficients: Coefficients) -> bytes:
         *coefficients.accel_matrix,
         coefficients.extended_dip_deg,
         coefficients.horizontal_mg,
+        *(coefficients.hk_mg if any(coefficients.hk_mg) else ()),
     )
+    layout, bank = _LAYOUTS[BANK_LENGTH if any(coefficients.hk_mg) else PLAIN_BANK_LENGTH]
     try:
-        body = _BANK.pack(coefficients.version, *values)
+        body = bank.pack(coefficients.version, layout, *values)
     except OverflowError as error:
         sentence = (
             f"coefficients must fit single precision; instead received {max(values, key=abs)}"
@@ -142,26 +158,39 @@ def pack_coefficients(coefficients: Coefficients) -> bytes:
 
 
 def unpack_coefficients(data: bytes) -> Coefficients:
-    """Return one bank.
+    """Return one bank of either layout.
 
     Raises
     ------
     FrameError
-        If the length or the CRC-32 is wrong, a value is not a finite number, the dip is not
-        within (-90, 90), the horizontal field is negative, or there is a dip without it.
+        If length, layout or CRC-32 is wrong, a value is not a finite number, the dip is not
+        within (-90, 90), the horizontal field is negative, there is a dip without it, or an
+        anisotropy field is neither 0 nor one of a sound film.
     """
-    if len(data) != BANK_LENGTH:
-        sentence = f"coefficient bank must be {BANK_LENGTH} bytes; instead received {len(data)}"
+    if len(data) not in _LAYOUTS:
+        sentence = (
+            f"coefficient bank must be {PLAIN_BANK_LENGTH} or {BANK_LENGTH} bytes; "
+            f"instead received {len(data)}"
+        )
         raise FrameError(sentence)
     body, crc = data[:-4], int.from_bytes(data[-4:], "little")
     if zlib.crc32(body) != crc:
         sentence = "coefficient bank has a wrong CRC-32; read it again or restore it"
         raise FrameError(sentence)
-    version, *values = _BANK.unpack(body)
+    known, bank = _LAYOUTS[len(data)]
+    version, layout, *values = bank.unpack(body)
+    if layout != known:
+        sentence = (
+            f"coefficient bank of {len(data)} bytes must have layout {known}; "
+            f"instead received layout {layout}"
+        )
+        raise FrameError(sentence)
     if not all(map(math.isfinite, values)):
         sentence = "coefficient bank must hold finite numbers; instead it holds NaN or infinity"
         raise FrameError(sentence)
-    _check_dip(*values[24:])
+    hk_mg = tuple(values[26:]) or (0.0, 0.0, 0.0)
+    _check_dip(values[24], values[25])
+    _check_hk(hk_mg)
     return Coefficients(
         version=version,
         mag_offset_mg=tuple(values[0:3]),
@@ -170,7 +199,23 @@ def unpack_coefficients(data: bytes) -> Coefficients:
         accel_matrix=tuple(values[15:24]),
         extended_dip_deg=values[24],
         horizontal_mg=values[25],
+        hk_mg=hk_mg,
     )
+
+
+def _check_hk(hk_mg: tuple[float, ...]) -> None:
+    for axis, value_mg in zip("xyz", hk_mg, strict=True):
+        if value_mg != 0.0 and not value_mg >= LEAST_HK_MG:
+            sentence = (
+                f"anisotropy field {axis} of a coefficient bank must be 0 or at least "
+                f"{LEAST_HK_MG:g} mG; instead received {value_mg} mG"
+            )
+            raise FrameError(sentence)
+
+
+def bank_in(slot: bytes) -> bytes:
+    """Return the bank that begins a place of at least BANK_LENGTH bytes, by its layout."""
+    return slot[: PLAIN_BANK_LENGTH if slot[2] == 0 else BANK_LENGTH]
 
 
 def _check_dip(extended_dip_deg: float, horizontal_mg: float) -> None:

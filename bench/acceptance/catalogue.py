@@ -22,6 +22,9 @@ def _of_axes(name: str, unit: str, meaning: str) -> dict[str, MeasurementKind]:
 CHECKS: Final = frozenset({"serial_match", "firmware_version", "fit_accepted", "read_back"})
 """Measurements that are 1 (yes) or 0 (no)."""
 
+BUDGETED: Final = frozenset({"level_max", "level_rms", "tilt_max", "tilt_rms"})
+"""Measurements whose uncertainty is computed where the limits know the part."""
+
 MEASUREMENTS: Final[dict[str, MeasurementKind]] = {
     "frames_lost": MeasurementKind("frames", "Frames missed by E2E counters or link", False),
     "bus_load": MeasurementKind("%", "Bus load at worst-case bit stuffing", False),
@@ -49,6 +52,9 @@ MEASUREMENTS: Final[dict[str, MeasurementKind]] = {
     "fit_residual": MeasurementKind("mG", "RMS residual of the magnetometer calibration"),
     "fit_residual_share": MeasurementKind("%", "RMS residual of the fit in the field's strength"),
     "fit_condition": MeasurementKind("", "Condition number of the calibration"),
+    "predicted_uncertainty": MeasurementKind(
+        "deg", "Largest heading error of the coefficients at 95 %, by the fit's covariance"
+    ),
     "field_azimuth_difference": MeasurementKind(
         "deg", "Field azimuth of the calibration against the station's record"
     ),
@@ -83,6 +89,22 @@ MEASUREMENTS: Final[dict[str, MeasurementKind]] = {
     "z_estimate_difference": MeasurementKind(
         "mG", "RMS of the estimated z against the checking axis, two-axis module"
     ),
+    "seat_index_change": MeasurementKind(
+        "", "Change of the seat's index against the station's file, over its U (E_n)"
+    ),
+    "seat_level_change": MeasurementKind(
+        "", "Change of the seat's pitch or roll against the station's file, over its U (E_n)"
+    ),
+    "fixture_iron_change": MeasurementKind(
+        "", "Change of the fixture's iron against the station's file, over its U (E_n)"
+    ),
+    "field_azimuth_change": MeasurementKind(
+        "", "Change of the field's azimuth against the station's file, over its U (E_n)"
+    ),
+    "dip_change": MeasurementKind(
+        "", "Change of the dip against the station's file, over its U (E_n)"
+    ),
+    "seating": MeasurementKind("deg", "Largest turn of one mounting against the others"),
     "repeatability": MeasurementKind("deg", "Pooled standard deviation of returns to a heading"),
     "closing_error": MeasurementKind("deg", "Shift between earlier and later returns"),
     "bench_against_module": MeasurementKind(

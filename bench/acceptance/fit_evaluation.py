@@ -14,6 +14,7 @@ from protocols.angles import wrap_180_deg
 if TYPE_CHECKING:
     from bench.acceptance.site import SiteField
     from bench.calibration.fit import Fit
+    from bench.calibration.heading_claim import HeadingClaim
 
 
 def evaluate_fit(step: str, fit: Fit, site: SiteField) -> list[Measurement]:
@@ -55,6 +56,16 @@ def evaluate_fit(step: str, fit: Fit, site: SiteField) -> list[Measurement]:
         for name, (value, unit) in values.items()
         if value is not None
     ]
+
+
+def evaluate_claim(step: str, claim: HeadingClaim, poses: int) -> list[Measurement]:
+    """Return predicted_uncertainty (deg): what the coefficients of so many poses are claimed to be.
+
+    The note says how the readings scatter: a sigma above 1 is the unit's, or a disturbed field's.
+    """
+    note = f"{poses} poses, scatter {claim.sigma:.2f} of that stated"
+    name = "predicted_uncertainty"
+    return [Measurement(name=name, value=claim.largest_deg, step=step, unit="deg", note=note)]
 
 
 def _residual_percent(fit: Fit) -> float | None:

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bench.acceptance.measurement import Measurement
-from bench.acceptance.site import heading_error_deg, is_level, total_field_mg
+from bench.acceptance.site import expected_strength_mg, heading_error_deg, is_level
 from bench.acceptance.two_axis_evaluation import fit_of, horizontal_mg
 from bench.calibration.compensation import compensated_heading_deg
 from bench.samples import COMPLETE, MOVING
+from bench.uncertainty.decision import heading_decision
 from protocols.angles import wrap_180_deg
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
     from bench.acceptance.site import SiteField
     from bench.pose import Pose
+    from bench.uncertainty.decision import HeadingDecision
+    from bench.uncertainty.heading_budget import HeadingBudget
     from protocols.uds import Coefficients
 
 
@@ -34,6 +37,8 @@ def evaluate_verification(
     samples: NDArray[np.void],
     coefficients: Coefficients,
     site: SiteField,
+    *,
+    budget: HeadingBudget | None = None,
 ) -> list[Measurement]:
     """Return level_max, level_rms, tilt_max, tilt_rms and bench_against_module, in deg.
 
@@ -45,13 +50,16 @@ def evaluate_verification(
         The samples of those poses.
     coefficients : Coefficients
         What was written to the module.
+    budget : HeadingBudget, optional
+        Of the same readings; with it the first four carry their own uncertainty.
     """
     error_deg = heading_error_deg(readings["heading_deg"], readings, site)
     level = is_level(readings)
     found: list[Measurement] = []
     for name, mask in (("level", level), ("tilt", ~level)):
         if mask.any():
-            found += error_measurements(name, step, error_deg[mask], readings[mask])
+            spread = heading_decision(error_deg, budget, mask) if budget else None
+            found += error_measurements(name, step, error_deg[mask], readings[mask], spread=spread)
     return [*found, *evaluate_agreement(step, samples, coefficients)]
 
 
@@ -62,6 +70,7 @@ def error_measurements(
     readings: NDArray[np.void],
     *,
     note: str = "",
+    spread: HeadingDecision | None = None,
 ) -> list[Measurement]:
     """Return `name`_max and `name`_rms, deg, of heading errors, shape (n,), at poses."""
     worst = int(np.argmax(np.abs(error_deg)))
@@ -71,8 +80,21 @@ def error_measurements(
     maximum_deg = float(abs(error_deg[worst]))
     rms_deg = float(np.sqrt(np.mean(error_deg**2)))
     return [
-        Measurement(name=f"{name}_max", value=maximum_deg, step=step, unit="deg", note=note),
-        Measurement(name=f"{name}_rms", value=rms_deg, step=step, unit="deg"),
+        Measurement(
+            name=f"{name}_max",
+            value=maximum_deg,
+            step=step,
+            unit="deg",
+            note=note,
+            spread=spread.maximum if spread else None,
+        ),
+        Measurement(
+            name=f"{name}_rms",
+            value=rms_deg,
+            step=step,
+            unit="deg",
+            spread=spread.rms if spread else None,
+        ),
     ]
 
 
@@ -103,7 +125,10 @@ def evaluate_field_strength(
         note = "horizontal strength"
     else:
         corrected_mg = fit_of(coefficients).corrected_mg(readings["field_mg"])
-        strength_mg, station_mg = np.linalg.norm(corrected_mg, axis=1), total_field_mg(site)
+        strength_mg, station_mg = (
+            np.linalg.norm(corrected_mg, axis=1),
+            expected_strength_mg(readings, site),
+        )
         note = ""
     percent = 100.0 * abs(float(np.mean(strength_mg)) / station_mg - 1.0)
     name = "field_magnitude_difference"

@@ -7,12 +7,13 @@ from the samples. Every other method is applied to the same readings (`bench.cal
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from bench.acceptance.heading_evaluation import error_measurements
 from bench.acceptance.measurement import Measurement
 from bench.acceptance.site import calibration_data, is_level
 from bench.calibration.compensation import Order
+from bench.calibration.expectation import CLAIM_WITHOUT, expectation
 from bench.calibration.ranking import Study, borrowed_tilt, heading_errors_deg, study
 
 if TYPE_CHECKING:
@@ -47,6 +48,30 @@ def comparison_data(
 def study_of(fits: Mapping[str, Fit], readings: NDArray[np.void], site: SiteField) -> Study:
     """Return what raw readings and every accepted method achieve on verification poses."""
     return study(fits, comparison_data(readings, site, fits))
+
+
+def expected_of(
+    fits: Mapping[str, Fit], readings: NDArray[np.void], site: SiteField
+) -> dict[str, Any]:
+    """Return what the record's study says of errors to expect, from the attitudes alone.
+
+    Returns
+    -------
+    dict
+        ``expected``: errors by method, None where no accepted truth-aided fit models the unit;
+        ``expected_noise``: the part of one reading's noise; ``claim_without``: what the own
+        predicted error of each method leaves out.
+    """
+    found = expectation(fits, comparison_data(readings, site, fits))
+    without = {name: CLAIM_WITHOUT[name] for name in fits}
+    if found is None:
+        return {"expected": None, "claim_without": without}
+    parts = found.as_dict()
+    return {
+        "expected": parts["errors"],
+        "expected_noise": parts["noise"],
+        "claim_without": without,
+    }
 
 
 def achieved_by(fits: Mapping[str, Fit], compared: Study) -> Achieved:

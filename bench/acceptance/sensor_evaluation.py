@@ -142,7 +142,9 @@ def evaluate_senses(
     """
     found = _senses("axis_sense", readings["field_mg"], expected_field_mg(readings, site), step)
     if acceleration:
-        found += _senses("accel_sense", readings["accel_g"], expected_force_g(readings), step)
+        found += _senses(
+            "accel_sense", readings["accel_g"], expected_force_g(readings, site.seat), step
+        )
     return found
 
 

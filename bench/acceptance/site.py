@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from bench.acceptance.seat import SQUARE, has_iron, seat_angles_deg, seat_attitude
 from bench.calibration.fit import (
     POSE_ACCEL_SD_G,
     POSE_FIELD_SD_MG,
@@ -14,13 +15,15 @@ from bench.calibration.fit import (
     CalibrationData,
 )
 from bench.calibration.ranking import LEVEL_DEG
-from bench.calibration.tilt import ned_from_body
+from bench.calibration.tilt import heading_deg
 from bench.samples import MOVING
 from protocols.angles import wrap_180_deg, wrap_360_deg
 from protocols.compass import FLAG_NO_ACCELERATION, FLAG_REPLAY_ENDED, FLAG_SYNTHESISED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from bench.acceptance.seat import SeatPosition
 
 
 class SiteField(Protocol):
@@ -45,6 +48,11 @@ class SiteField(Protocol):
         """Azimuth of magnetic north against the rig's zero, clockwise."""
         ...
 
+    @property
+    def seat(self) -> SeatPosition:
+        """The seat that holds the unit."""
+        ...
+
 
 def field_rig_mg(site: SiteField) -> NDArray[np.float64]:
     """Return the station's field, shape (3,), in NED of the rig's frame (north = rig zero)."""
@@ -64,8 +72,14 @@ def total_field_mg(site: SiteField) -> float:
 
 
 def reference_heading_deg(readings: NDArray[np.void], site: SiteField) -> NDArray[np.float64]:
-    """Return the magnetic heading, shape (n,), that a perfect module would send at each pose."""
-    return wrap_360_deg(readings["rig_azimuth_deg"] - site.field_azimuth_deg)
+    """Return the magnetic heading, shape (n,), that a perfect module would send at each pose.
+
+    It points as the seat does and also feels the fixture's iron, as the unit under test.
+    """
+    azimuth_deg, pitch_deg, roll_deg = seat_angles_deg(readings, site.seat)
+    if not has_iron(site.seat):
+        return wrap_360_deg(azimuth_deg - site.field_azimuth_deg)
+    return heading_deg(expected_field_mg(readings, site), pitch_deg, roll_deg)
 
 
 def heading_error_deg(
@@ -75,23 +89,28 @@ def heading_error_deg(
     return wrap_180_deg(heading_deg - reference_heading_deg(readings, site))
 
 
-def rig_attitude(readings: NDArray[np.void]) -> NDArray[np.float64]:
-    """Return ned_from_body, shape (n, 3, 3), of the rig's measured attitudes."""
-    return ned_from_body(
-        readings["rig_azimuth_deg"], readings["rig_pitch_deg"], readings["rig_roll_deg"]
-    )
-
-
 def expected_field_mg(readings: NDArray[np.void], site: SiteField) -> NDArray[np.float64]:
-    """Return the station's field in the body frame at each pose, shape (n, 3)."""
-    seen_mg: NDArray[np.float64] = np.swapaxes(rig_attitude(readings), 1, 2) @ field_rig_mg(site)
+    """Return the field in the unit's frame at each pose, shape (n, 3): station and fixture."""
+    attitude = seat_attitude(readings, site.seat)
+    seen_mg: NDArray[np.float64] = np.swapaxes(attitude, 1, 2) @ field_rig_mg(site)
+    if has_iron(site.seat):
+        seen_mg = seen_mg + np.array(site.seat.iron_mg)
     return seen_mg
 
 
-def expected_force_g(readings: NDArray[np.void]) -> NDArray[np.float64]:
-    """Return the specific force in the body frame at each pose, shape (n, 3); level (0, 0, -1)."""
-    force_g: NDArray[np.float64] = -rig_attitude(readings)[:, 2, :]
+def expected_force_g(
+    readings: NDArray[np.void], seat: SeatPosition = SQUARE
+) -> NDArray[np.float64]:
+    """Return the specific force in the unit's frame at each pose, (n, 3); level (0, 0, -1)."""
+    force_g: NDArray[np.float64] = -seat_attitude(readings, seat)[:, 2, :]
     return force_g
+
+
+def expected_strength_mg(readings: NDArray[np.void], site: SiteField) -> float:
+    """Return the mean strength of the field that a perfect module reads at the poses."""
+    if not has_iron(site.seat):
+        return total_field_mg(site)
+    return float(np.mean(np.linalg.norm(expected_field_mg(readings, site), axis=1)))
 
 
 def is_level(readings: NDArray[np.void]) -> NDArray[np.bool_]:
@@ -111,25 +130,33 @@ def calibration_data(
     rig_sd_deg: float = POSE_RIG_SD_DEG,
     with_acceleration: bool = True,
     paired: bool = True,
+    in_seat: bool = True,
 ) -> CalibrationData:
     """Return what the fits take, from one READING a pose.
 
-    `paired` is False where set and reset readings were made from one recorded value.
+    `paired` is False where set and reset readings were made from one recorded value. The angles
+    are those of the seat, or with `in_seat` False the rig's own, as if the seat were square and
+    without iron.
     The run's fit step and `judge` both call it, so that they fit the same numbers.
     The encoder's error is the same whenever an angle comes back: the coefficients take up a
-    part of it, so that chi2_reduced of good units is 0.4 to 0.8.
+    part of it, so that chi2_reduced of good units is 0.4 to 0.8. The noise counts as known: a
+    fit whose residuals it cannot explain is refused.
     """
+    seat = site.seat if in_seat else SQUARE
+    azimuth_deg, pitch_deg, roll_deg = seat_angles_deg(readings, seat)
     return CalibrationData(
         field_mg=np.array(readings["field_mg"], dtype=float),
         accel_g=np.array(readings["accel_g"], dtype=float) if with_acceleration else None,
-        azimuth_deg=np.array(readings["rig_azimuth_deg"], dtype=float),
-        pitch_deg=np.array(readings["rig_pitch_deg"], dtype=float),
-        roll_deg=np.array(readings["rig_roll_deg"], dtype=float),
+        azimuth_deg=azimuth_deg,
+        pitch_deg=pitch_deg,
+        roll_deg=roll_deg,
         field_sd_mg=field_sd_mg,
         accel_sd_g=accel_sd_g,
         rig_sd_deg=rig_sd_deg,
+        noise_known=True,
         offset_mg=np.array(readings["offset_mg"], dtype=float) if paired else None,
         station_field_mg=field_rig_mg(site),
+        fixture_mg=np.array(seat.iron_mg, dtype=float) if has_iron(seat) else None,
     )
 
 

@@ -32,6 +32,7 @@ def fit_of(coefficients: Coefficients) -> Fit:
         accel_matrix=np.reshape(coefficients.accel_matrix, (3, 3)),
         extended_dip_deg=coefficients.extended_dip_deg if two_axis else None,
         extra={"horizontal_mg": coefficients.horizontal_mg} if two_axis else {},
+        hk_mg=np.array(coefficients.hk_mg) if any(coefficients.hk_mg) else None,
     )
 
 
@@ -43,8 +44,9 @@ def evaluate_z_estimate(
     The checking axis is not calibrated: its own offset and gain against the estimate are taken
     out by least squares. Nothing is returned where the poses do not change z.
     """
-    field_mg = _field_mg(readings, fit_of(coefficients))
-    measured_mg = readings["field_mg"][:, 2]
+    fit = fit_of(coefficients)
+    field_mg = _field_mg(readings, fit)
+    measured_mg = fit.bridge_mg(readings["field_mg"])[:, 2]
     if len(measured_mg) < 3 or float(np.ptp(measured_mg)) < SMALLEST_CHANGE_MG:
         return []
     left_mg = field_mg[:, 2] - checking_z_mg(measured_mg, field_mg[:, 2])

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 DECISION_RULE: Final = (
     "PASS where the value lies inside the limits by at least the guard band w, MARGINAL where "
     "it lies inside them by less, otherwise missed (ISO 14253-1, JCGM 106 acceptance limits "
-    "TL - w). U is the expanded uncertainty, k = 2. The worst outcome of the last attempts is "
-    "the verdict."
+    "TL - w). U is the expanded uncertainty, k = 2; that of the module's heading errors is of the "
+    "test alone (ISO 14253-5) and computed at each pose (GUM), w = U at the worst one. TUR is the "
+    "limit over U. The worst outcome of the last attempts is the verdict."
 )
 
 _NEXT_ACTIONS: Final = {
@@ -154,5 +155,14 @@ def sentence_of(measurement: Measurement) -> str:
     if limit.low is not None and value < limit.low:
         return f"{name} {value:.4g}{unit} is below {limit.low:.4g}{unit}"
     if measurement.outcome is Outcome.MARGINAL:
-        return f"{name} {value:.4g}{unit} is within the guard band of {limit.guard_band:.4g}{unit}"
+        return f"{name} {value:.4g}{unit} is within {_guard_words(measurement, limit)}"
     return f"{name} {value:.4g}{unit} is inside its limits"
+
+
+def _guard_words(measurement: Measurement, limit: Limit) -> str:
+    """Return the guard band in words: its width, the limit that it guards, and U."""
+    unit = f" {measurement.unit}" if measurement.unit else ""
+    near_low = limit.low is not None and measurement.value < limit.low + limit.guard_band
+    guarded = limit.low if near_low else limit.high
+    u = f" (U = {limit.uncertainty:.2g}{unit})" if limit.uncertainty > 0.0 else ""
+    return f"the guard band w = {limit.guard_band:.2g}{unit} of its limit {guarded:.4g}{unit}{u}"

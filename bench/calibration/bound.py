@@ -241,6 +241,6 @@ def _truth(
     )
     direction = np.array([np.arctan2(east, north), np.arctan2(down, np.hypot(north, east))])
     parts = [conditions.gain.ravel(), np.zeros(3), direction]
-    if model.sensors == 2:
+    if len(model.sensors) == 2:
         parts += [conditions.accel_gain.ravel(), np.zeros(3), np.zeros(2)]
     return model, np.concatenate(parts)[None]

@@ -2,7 +2,8 @@
 
 The product's order is `Order.BODY`: hard iron, then soft iron and misalignment, both in the
 body's frame because the iron turns with the body; then tilt; then heading. The others are here
-to show what they cost.
+to show what they cost. In every order the bridges' cross-axis term is taken out first, where the
+fit knows it: it is the sensor's own.
 
 References
 ----------
@@ -81,17 +82,18 @@ def compensated_heading_deg(
         return heading_deg(
             completed_field_mg(fit, field_mg, pitch_deg, roll_deg), pitch_deg, roll_deg
         )
+    field_mg = fit.bridge_mg(field_mg)
     if order is Order.TILT_FIRST:
-        level = fit.corrected_mg(_levelled(field_mg, pitch_deg, roll_deg))
+        level = fit.body_mg(_levelled(field_mg, pitch_deg, roll_deg))
         return wrap_360_deg(np.rad2deg(np.arctan2(-level[..., 1], level[..., 0])))
     if order is Order.TILT_REVERSED:
         back = ned_from_body(0.0, 0.0, roll_deg) @ ned_from_body(0.0, pitch_deg, 0.0)
-        level = np.einsum("...ij,...j->...i", back, fit.corrected_mg(field_mg))
+        level = np.einsum("...ij,...j->...i", back, fit.body_mg(field_mg))
         return wrap_360_deg(np.rad2deg(np.arctan2(-level[..., 1], level[..., 0])))
     if order is Order.SOFT_FIRST and fit.offset_mg is not None:
-        corrected = fit.corrected_mg(field_mg + fit.offset_mg) - fit.offset_mg
+        corrected = fit.body_mg(field_mg + fit.offset_mg) - fit.offset_mg
         return heading_deg(corrected, pitch_deg, roll_deg)
-    return heading_deg(fit.corrected_mg(field_mg), pitch_deg, roll_deg)
+    return heading_deg(fit.body_mg(field_mg), pitch_deg, roll_deg)
 
 
 def completed_field_mg(

@@ -1,8 +1,9 @@
 """Whether residuals are those of independent readings in one field, many units at once.
 
-A chi-square tells how large residuals are, not whether they mean harm: a field that changes over
-the run hides in the coefficients and leaves residuals a third of the error. Two questions are
-asked of the residuals in the order in which they were read.
+Where the noise is known, a chi-square tells whether it explains how large the residuals are. It
+does not tell whether they mean harm: a field that changes over the run hides in the coefficients
+and leaves residuals a third of the error. Two more questions are therefore asked of the residuals
+in the order in which they were read.
 """
 
 from __future__ import annotations
@@ -15,6 +16,16 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+CHANCE: Final = 1e-6
+"""Chance that noise alone exceeds the largest chi-square."""
+ALLOWANCE: Final = 1.5
+"""Variance that a healthy unit's readings may have over that stated: hysteresis, repeatability
+and linearity differ from unit to unit. Good virtual units on the shipped poses stay below three
+quarters of the limit in all three estimators."""
+NOTED_CHANCE: Final = 1e-3
+"""Chance of a chi-square from which residuals count as more than noise."""
+SYSTEMATIC: Final = 9.0
+"""Variance of the error that is not noise over that of the residuals it leaves."""
 CORRELATED: Final = 4.0
 """Standard deviations of noise's correlation from which residuals are not independent."""
 LARGEST_CORRELATION: Final = 0.98
@@ -37,6 +48,35 @@ class Drift:
 
     chance: NDArray[np.float64]
     shift: NDArray[np.float64]
+
+
+def largest_chi2(dof: int) -> float:
+    """Return the chi2_reduced beyond which residuals are not those of the noise stated.
+
+    Infinite without degrees of freedom: nothing is left that could contradict.
+
+    >>> [round(largest_chi2(dof), 2) for dof in (1, 3, 26, 400)]
+    [35.89, 15.33, 4.36, 2.06]
+    """
+    from scipy.special import chdtri
+
+    return ALLOWANCE * float(chdtri(dof, CHANCE)) / dof if dof > 0 else float("inf")
+
+
+def growth(chi2_reduced: NDArray[np.float64], dof: int) -> NDArray[np.float64]:
+    """Return the factor by which known noise must grow in the covariance to explain residuals.
+
+    It is chi2_reduced where that exceeds one by chance. Beyond, part of it is not noise but
+    systematic: the coefficients take up most of such an error and leave a third of it.
+
+    >>> growth(np.array([0.8, 1.2, 2.0]), 60).tolist()
+    [1.0, 1.2, 10.0]
+    """
+    from scipy.special import chdtri
+
+    noted = float(chdtri(dof, NOTED_CHANCE)) / dof if dof > 0 else float("inf")
+    systematic = 1.0 + SYSTEMATIC * (chi2_reduced - 1.0)
+    return np.where(chi2_reduced > noted, systematic, np.maximum(chi2_reduced, 1.0))
 
 
 def correlation(residual: NDArray[np.float64]) -> NDArray[np.float64]:

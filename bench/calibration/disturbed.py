@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -31,6 +31,9 @@ LARGEST_LEFT_OUT: Final = 6
 """One disturbed pose in so many can be left out; more were not of one field."""
 SMALLEST_DOF: Final = 3
 """Degrees of freedom that the undisturbed poses must keep."""
+MOST_POSES: Final = 500
+"""Longer recordings are not of poses: single rows are then not tested."""
+ROUNDS: Final = 5
 SMALLEST_FREEDOM: Final = 1e-6
 """Part of a pose's residuals that the fit must leave free: else nothing contradicts the pose."""
 
@@ -62,6 +65,50 @@ class _Refit:
     residual: NDArray[np.float64]
     chi2: float
     dof: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Search:
+    """Poses that were found disturbed, which are left, shape (n,), and if these are no use.
+
+    They are where too many were found, or the rest has no fit.
+    """
+
+    found: tuple[Disturbance, ...]
+    kept: NDArray[np.bool_]
+    hopeless: bool
+
+
+def search(
+    count: int, contradicting: Callable[[NDArray[np.bool_]], tuple[Disturbance, ...] | None]
+) -> Search:
+    """Return the disturbed ones of `count` poses, none of more than MOST_POSES.
+
+    Every round searches all poses under the fit of those that are left, until the same are found
+    again. How many are too many is asked then: a grossly disturbed pose spoils the first fit so
+    much that others seem to contradict it. If the rounds do not settle, too many in any is enough.
+
+    Parameters
+    ----------
+    count : int
+    contradicting : callable
+        Returns the poses, of all, that contradict the others under the fit of the kept ones;
+        None where these have no fit.
+    """
+    kept = np.ones(count, dtype=bool)
+    found: tuple[Disturbance, ...] = ()
+    many = False
+    for _ in range(ROUNDS if count <= MOST_POSES else 0):
+        seen = contradicting(kept)
+        if seen is None:
+            return Search(found=found, kept=kept, hopeless=bool(found))
+        found = seen
+        poses = [one.pose for one in found]
+        if set(poses) == set(np.flatnonzero(~kept)):
+            return Search(found=found, kept=kept, hopeless=too_many(found, count))
+        many |= too_many(found, count)
+        kept = ~np.isin(np.arange(count), poses)
+    return Search(found=found, kept=kept, hopeless=many)
 
 
 def disturbed_poses(
@@ -113,6 +160,11 @@ def too_many(found: Sequence[Disturbance], count: int) -> bool:
     More than one in six, or as many as the search names at most: there may be others.
     """
     return len(found) * LARGEST_LEFT_OUT > count or len(found) >= LARGEST_COUNT
+
+
+def contradiction(found: Sequence[Disturbance], count: int) -> str:
+    """Return what is to be said of too many disturbed poses out of `count`."""
+    return f"{len(found)} of {count} poses contradict the others ({named(found)})"
 
 
 def named(found: Sequence[Disturbance]) -> str:

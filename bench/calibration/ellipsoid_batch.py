@@ -1,9 +1,10 @@
 """Offset and symmetric matrix of many units from the magnetometer alone, without a loop over them.
 
 Start: Taubin's algebraic ellipsoid (one generalised eigenvalue problem), which is nearly
-unbiased in noise. End: Levenberg-Marquardt on the Sampson distance, the first-order maximum
-likelihood, with the gradient weight differentiated too and analytic derivatives; a radial cost
-instead is biased by noise and has a spurious minimum where the ellipsoid becomes a plane.
+unbiased in noise. End: Gauss-Newton, damped where it must be, on the Sampson distance, the
+first-order maximum likelihood, with the gradient weight differentiated too and analytic
+derivatives; a radial cost instead is biased by noise and has a spurious minimum where the
+ellipsoid becomes a plane.
 
 References
 ----------
@@ -13,40 +14,33 @@ References
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bench.calibration.consistency import largest_chi2
 from bench.calibration.coverage import COVERED_WITHIN_DEG, sphere_points
 from bench.calibration.fit import Cause
-from bench.calibration.grid_error import correction_rows, grid_axes, grid_field, predicted_deg
-from bench.calibration.least_squares import Inverse, Minimum, Rows, inverted, minimised
-from bench.calibration.saturation import saturated
+from bench.calibration.fitted_ellipsoids import FittedEllipsoids, fitted_ellipsoids
+from bench.calibration.least_squares import inverted
 from bench.calibration.sphere_fits import (
+    SphereCoefficients,
     SphereFits,
     joined,
     neutral_where_refused,
     require_vectors,
 )
-from bench.calibration.sphere_model import (
-    SYMMETRIC_COLUMNS,
-    SYMMETRIC_ROWS,
-    folded,
-    sphere_rows,
-    symmetric,
-)
-from bench.calibration.taubin import (
-    LARGEST_AXIS_RATIO,
-    Normalised,
-    TaubinStarts,
-    normalised,
-    taubin_batch,
-)
+from bench.calibration.sphere_minimum import UNKNOWNS, one_step, sphere_rows_of
+from bench.calibration.sphere_prediction import DEFAULT_SINE, predicted_at, understatement
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import ArrayLike, NDArray
 
-UNKNOWNS: Final = 9
+    from bench.calibration.taubin import Normalised
+
 SMALLEST: Final = 9
 FLAT: Final = 0.03
 """Smallest to largest extent of the readings below which they lie in a plane."""
@@ -55,15 +49,14 @@ LARGEST_PREDICTED_DEG: Final = 3.0
 DISTURBED_COVERAGE: Final = 0.6
 """Readings all round that still fit no ellipsoid were not of one field."""
 DISTURBED_SPREAD: Final = 0.25
-DEFAULT_SINE: Final = float(np.sin(np.deg2rad(60.0)))
-"""Sine of the dip that predictions assume where the station's is not given."""
-BLOCK: Final = 512
+BLOCK: Final = 256
 """Units at a time, so that their derivatives stay in the processor's cache."""
+ONE_STEP_DEG: Final = 0.5
+"""Predicted RMS up to which coefficients are those of one step: the likelihood is then so nearly
+a parabola that it ends within a twentieth of a standard deviation of the minimum."""
 DIRECTIONS: Final = 400
 DOUBTFUL_DEG: Final = 0.75
 """Predicted RMS above which it is asked how far the prediction itself can be trusted."""
-PESSIMISM: Final = 5.0
-"""Standard deviations by which the estimate may be off in that question."""
 CAUSES: Final[tuple[Cause | None, ...]] = (
     None,
     Cause.TOO_FEW,
@@ -79,11 +72,56 @@ CAUSES: Final[tuple[Cause | None, ...]] = (
 """Causes by the code that the kernel returns; code 0 is no cause: accepted."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Given:
+    """What holds for all units: noise, field and the largest chi2_reduced that noise explains.
+
+    `strength_mg` is None where it is free.
+    """
+
+    field_sd_mg: float
+    strength_mg: float | None
+    sine: float
+    largest_chi2: float
+
+
+def ellipsoid_coefficients(
+    field_mg: ArrayLike,
+    field_sd_mg: float,
+    *,
+    station_field_mg: ArrayLike | None = None,
+    noise_known: bool = True,
+) -> SphereCoefficients:
+    """Return offset, symmetric matrix and cause of many units: no more than a unit is given.
+
+    The refusals are those of `ellipsoid_batch`, which takes the same arguments and says besides
+    what the numbers are worth. Where the readings determine the ellipsoid well, the numbers are
+    those of one step from Taubin's (`sphere_minimum.one_step`), as accurate as the minimum's.
+
+    Raises
+    ------
+    ValueError
+        If the shape is another or a value is not finite.
+
+    Examples
+    --------
+    >>> turned = sphere_points(40) @ np.diag([1.1, 0.9, 1.0]) * 500.0 + [120.0, -60.0, 30.0]
+    >>> found = ellipsoid_coefficients(turned, 0.5)
+    >>> found.offset_mg.round(3).tolist(), CAUSES[found.cause.item()]
+    ([120.0, -60.0, 30.0], None)
+    """
+    readings = require_vectors("field_mg", field_mg)
+    given = _given(readings, field_sd_mg, station_field_mg, noise_known=noise_known)
+    blocks = [_quick(block, given) for block in _blocks(readings)]
+    return joined(blocks, readings.shape[:-2])
+
+
 def ellipsoid_batch(
     field_mg: ArrayLike,
     field_sd_mg: float,
     *,
     station_field_mg: ArrayLike | None = None,
+    noise_known: bool = True,
 ) -> SphereFits:
     """Fit offset and symmetric matrix (9 parameters) of many units.
 
@@ -96,6 +134,10 @@ def ellipsoid_batch(
     station_field_mg : array-like, shape (3,), optional
         Field in NED: its strength is the sphere's radius, its dip that of the prediction.
         Without it the radius is that of a matrix of determinant one, and the dip 60 deg.
+    noise_known : bool
+        Whether `field_sd_mg` is more than a guess: a unit whose residuals it cannot explain
+        (`consistency.largest_chi2`) is then refused with RESIDUAL_TOO_LARGE. Which poses are
+        to blame, `fit_ellipsoid` names.
 
     Returns
     -------
@@ -112,116 +154,91 @@ def ellipsoid_batch(
     The predictions do not take the dip from an accelerometer; `predicted_at` does.
     """
     readings = require_vectors("field_mg", field_mg)
-    units = readings.reshape(-1, *readings.shape[-2:])
-    station = None if station_field_mg is None else np.asarray(station_field_mg, dtype=float)
-    blocks = [
-        _fitted(units[first : first + BLOCK], field_sd_mg, station)
-        for first in range(0, len(units), BLOCK)
-    ]
+    given = _given(readings, field_sd_mg, station_field_mg, noise_known=noise_known)
+    blocks = [_fits(block, given) for block in _blocks(readings)]
     return joined(blocks, readings.shape[:-2])
 
 
-def sphere_rows_of(points: NDArray[np.float64], sd: NDArray[np.float64]) -> Rows:
-    """Return the Sampson residuals of normalised points (b, n, 3) of noise `sd` (b,) as rows."""
-
-    def rows(
-        parameters: NDArray[np.float64], units: NDArray[np.intp]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        residual, by_all = sphere_rows(
-            symmetric(parameters[:, :6]), parameters[:, 6:], points[units], sd[units]
-        )
-        return residual, np.concatenate([folded(by_all[..., :9]), by_all[..., 9:]], axis=-1)
-
-    return rows
-
-
-def sphere_minimum(
-    points: NDArray[np.float64], starts: TaubinStarts, sd: NDArray[np.float64]
-) -> Minimum:
-    """Return the Sampson minimum of normalised points (b, n, 3) of noise `sd` (b,)."""
-    elements = starts.matrix[:, SYMMETRIC_ROWS, SYMMETRIC_COLUMNS]
-    start = np.concatenate([elements, starts.centre], axis=1)
-    return minimised(sphere_rows_of(points, sd), start)
+def _given(
+    readings: NDArray[np.float64],
+    field_sd_mg: float,
+    station_field_mg: ArrayLike | None,
+    *,
+    noise_known: bool,
+) -> _Given:
+    strength_mg, sine = None, DEFAULT_SINE
+    if station_field_mg is not None:
+        station_mg = np.asarray(station_field_mg, dtype=float)
+        strength_mg = float(np.sqrt(station_mg @ station_mg))
+        sine = float(station_mg[2]) / strength_mg
+    largest = largest_chi2(readings.shape[-2] - UNKNOWNS) if noise_known else np.inf
+    return _Given(field_sd_mg=field_sd_mg, strength_mg=strength_mg, sine=sine, largest_chi2=largest)
 
 
-def _fitted(
-    field_mg: NDArray[np.float64], field_sd_mg: float, station_mg: NDArray[np.float64] | None
-) -> SphereFits:
-    few = field_mg.shape[1] < SMALLEST
-    cloud = normalised(field_mg)
-    starts = taubin_batch(cloud.points)
-    sd = field_sd_mg / cloud.scale_mg
-    best = sphere_minimum(cloud.points, starts, sd)
-    found = inverted(best.normal)
-    rank = np.where(starts.told_apart, found.rank, np.minimum(found.rank, UNKNOWNS - 1))
-    values = np.linalg.eigvalsh(symmetric(best.parameters[:, :6]))
-    ratio_fits = (values[:, 0] > 0.0) & (values[:, 2] <= LARGEST_AXIS_RATIO * values[:, 0])
-    determinant = np.where(ratio_fits, values.prod(axis=1), 1.0) ** (1.0 / 3.0)
-    residual = np.sqrt(best.chi2 / field_mg.shape[1]) * field_sd_mg / cloud.scale_mg
-    fits = _in_mg(cloud, best, found, determinant, field_sd_mg, station_mg, ratio_fits)
-    no_ellipsoid = ~(starts.found & (ratio_fits | ~best.converged))
-    disturbed = _all_round(cloud, no_ellipsoid)
+def _blocks(readings: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    units = readings.reshape(-1, *readings.shape[-2:])
+    return (units[first : first + BLOCK] for first in range(0, len(units), BLOCK))
+
+
+def _quick(field_mg: NDArray[np.float64], given: _Given) -> SphereCoefficients:
+    """Return coefficients of one step where that is enough, and of the minimum elsewhere."""
+    fitted = fitted_ellipsoids(field_mg, given.field_sd_mg, given.sine, one_step)
+    good = _good(fitted, given, ONE_STEP_DEG)
+    found = _coefficients(fitted, np.zeros(len(good), dtype=np.int8), given)
+    if good.all():
+        return found
+    rest = np.flatnonzero(~good)
+    slow = fitted_ellipsoids(field_mg[rest], given.field_sd_mg, given.sine)
+    exact = _coefficients(slow, _causes(slow, given), given)
+    for one in fields(exact):
+        getattr(found, one.name)[rest] = getattr(exact, one.name)
+    return found
+
+
+def _good(fitted: FittedEllipsoids, given: _Given, largest_deg: float) -> NDArray[np.bool_]:
+    """Return which units nothing speaks against, not even the prediction's own uncertainty."""
+    cloud, best = fitted.cloud, fitted.best
+    if cloud.points.shape[1] < SMALLEST:
+        return np.zeros(len(fitted.sd), dtype=bool)
+    good = fitted.told & fitted.ellipsoid & _explained(fitted, given)
+    good &= best.converged & (fitted.rms_deg <= largest_deg)
+    return good & (cloud.extent_ratio >= FLAT) & ~fitted.held
+
+
+def _explained(fitted: FittedEllipsoids, given: _Given) -> NDArray[np.bool_]:
+    """Return whether the residuals are small enough."""
+    residual = np.sqrt(fitted.best.chi2 / fitted.cloud.points.shape[1])
+    relative = residual * fitted.sd * fitted.determinant
+    explained = (relative <= LARGEST_RESIDUAL) & (fitted.chi2_reduced <= given.largest_chi2)
+    return np.asarray(explained)
+
+
+def _causes(fitted: FittedEllipsoids, given: _Given) -> NDArray[np.int8]:
+    """Return the first cause that applies to each unit, as its index in CAUSES."""
+    cloud, best = fitted.cloud, fitted.best
+    cause = np.zeros(len(fitted.sd), dtype=np.int8)
+    if _good(fitted, given, DOUBTFUL_DEG).all():
+        return cause
+    observable = fitted.told & (fitted.rms_deg <= LARGEST_PREDICTED_DEG)
     conditions = {
-        Cause.TOO_FEW: np.full(len(field_mg), few),
+        Cause.TOO_FEW: np.full(len(cause), cloud.points.shape[1] < SMALLEST),
         Cause.NO_TURN: cloud.still,
         Cause.TILT_TOO_SMALL: cloud.extent_ratio < FLAT,
-        Cause.SATURATED: saturated(field_mg).any(axis=-1),
-        Cause.FIELD_DISTURBED: disturbed,
-        Cause.DEGENERATE: no_ellipsoid,
-        Cause.RESIDUAL_TOO_LARGE: residual * determinant > LARGEST_RESIDUAL,
-        Cause.NOT_OBSERVABLE: (rank < UNKNOWNS) | (fits.predicted_rms_deg > LARGEST_PREDICTED_DEG),
+        Cause.SATURATED: fitted.held,
+        Cause.FIELD_DISTURBED: _all_round(cloud, ~fitted.ellipsoid),
+        Cause.DEGENERATE: ~fitted.ellipsoid,
+        Cause.RESIDUAL_TOO_LARGE: ~_explained(fitted, given),
+        Cause.NOT_OBSERVABLE: ~observable,
         Cause.NOT_CONVERGED: ~best.converged,
     }
-    codes = [np.int8(CAUSES.index(cause)) for cause in conditions]
-    cause = np.select(list(conditions.values()), codes, np.int8(0)).astype(np.int8)
-    doubtful = np.flatnonzero((cause == 0) & (fits.predicted_rms_deg > DOUBTFUL_DEG))
+    codes = [np.int8(CAUSES.index(one)) for one in conditions]
+    cause = np.select(list(conditions.values()), codes, cause)
+    doubtful = np.flatnonzero((cause == 0) & (fitted.rms_deg > DOUBTFUL_DEG))
     if len(doubtful):
-        growth = _growth(sphere_rows_of(cloud.points, sd), best, doubtful)
-        worse = fits.predicted_rms_deg[doubtful] * growth > LARGEST_PREDICTED_DEG
+        factor = understatement(sphere_rows_of(cloud.points, fitted.sd), best, doubtful)
+        worse = fitted.rms_deg[doubtful] * factor > LARGEST_PREDICTED_DEG
         cause[doubtful[worse]] = CAUSES.index(Cause.NOT_OBSERVABLE)
-    return neutral_where_refused(fits, cause, rank)
-
-
-def _growth(rows: Rows, best: Minimum, units: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Return by which factor the prediction could be too small, shape (b,), for some units.
-
-    Where the readings are weak the prediction depends on the estimate's own error: it is
-    evaluated one standard deviation to either side along the weakest direction, and continued
-    in equal ratios to five.
-    """
-    normal = best.normal[units]
-    scale = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
-    values, vectors = np.linalg.eigh(normal / (scale[:, :, None] * scale[:, None, :]))
-    shift = vectors[:, :, 0] / np.sqrt(np.maximum(values[:, :1], 1e-12)) / scale
-
-    def predicted(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-        jacobian = rows(parameters, units)[1]
-        covariance = inverted(np.swapaxes(jacobian, 1, 2) @ jacobian).covariance
-        strength, sine = np.ones(len(units)), np.full(len(units), DEFAULT_SINE)
-        return predicted_at(strength, sine, symmetric(parameters[:, :6]), covariance)[0]
-
-    here = predicted(best.parameters[units])
-    beside = [predicted(best.parameters[units] + sign * shift) for sign in (1.0, -1.0)]
-    return np.asarray((np.maximum(*beside) / here) ** PESSIMISM)
-
-
-def predicted_at(
-    strength: NDArray[np.float64],
-    sine: NDArray[np.float64],
-    matrix: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return predicted RMS and maximum (deg), shape (b,), in a field of a strength and dip.
-
-    Parameters
-    ----------
-    strength, sine : ndarray, shape (b,)
-        Field strength and sine of the dip.
-    matrix, covariance : ndarray, shape (b, 3, 3) and (b, 9, 9)
-    """
-    rows = correction_rows(*grid_field(grid_axes(), strength, sine), matrix)
-    rows = np.concatenate([folded(rows[..., :9]), rows[..., 9:]], axis=-1)
-    return predicted_deg(rows, covariance)
+    return cause
 
 
 def _all_round(cloud: Normalised, asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -238,39 +255,54 @@ def _all_round(cloud: Normalised, asked: NDArray[np.bool_]) -> NDArray[np.bool_]
     return found
 
 
-def _in_mg(
-    cloud: Normalised,
-    best: Minimum,
-    found: Inverse,
-    determinant: NDArray[np.float64],
-    field_sd_mg: float,
-    station_mg: NDArray[np.float64] | None,
-    usable: NDArray[np.bool_],
-) -> SphereFits:
-    count = cloud.points.shape[1]
-    strength = cloud.scale_mg / determinant
-    sine = np.full(len(strength), DEFAULT_SINE)
-    if station_mg is not None:
-        strength = np.full(len(strength), float(np.linalg.norm(station_mg)))
-        sine = np.full(len(strength), float(station_mg[2]) / strength[0])
-    factor = strength / cloud.scale_mg
-    matrix = symmetric(best.parameters[:, :6]) * factor[:, None, None]
-    matrix = np.where(usable[:, None, None], matrix, np.eye(3))
-    chi2 = best.chi2 / max(count - UNKNOWNS, 1)
+def _strength(station_mg: NDArray[np.float64]) -> float:
+    return float(np.sqrt(station_mg @ station_mg))
+
+
+def _sine(station_mg: NDArray[np.float64] | None) -> float:
+    return DEFAULT_SINE if station_mg is None else float(station_mg[2]) / _strength(station_mg)
+
+
+def _coefficients(
+    fitted: FittedEllipsoids, cause: NDArray[np.int8], given: _Given
+) -> SphereCoefficients:
+    cloud = fitted.cloud
+    if given.strength_mg is None:
+        strength = cloud.scale_mg / fitted.determinant
+    else:
+        strength = np.full(len(cause), given.strength_mg)
+    matrix = fitted.matrix * (strength / cloud.scale_mg)[:, None, None]
+    offset_mg = cloud.centre_mg + cloud.scale_mg[:, None] * fitted.best.parameters[:, 6:]
+    if cause.any():
+        matrix = np.where((cause != 0)[:, None, None], np.eye(3), matrix)
+        offset_mg = np.where((cause != 0)[:, None], 0.0, offset_mg)
+    return SphereCoefficients(offset_mg=offset_mg, matrix=matrix, field_mg=strength, cause=cause)
+
+
+def _fits(field_mg: NDArray[np.float64], given: _Given) -> SphereFits:
+    fitted = fitted_ellipsoids(field_mg, given.field_sd_mg, given.sine)
+    cloud, best, cause = fitted.cloud, fitted.best, _causes(fitted, given)
+    found = _coefficients(fitted, cause, given)
+    factor = found.field_mg / cloud.scale_mg
     units = np.repeat(np.stack([factor, cloud.scale_mg], axis=1), [6, 3], axis=1)
-    covariance = found.covariance * units[:, :, None] * units[:, None, :]
-    covariance = covariance * np.maximum(chi2, 1.0)[:, None, None]
-    rms_deg, max_deg = predicted_at(strength, sine, matrix, covariance)
-    return SphereFits(
-        offset_mg=cloud.centre_mg + cloud.scale_mg[:, None] * best.parameters[:, 6:],
-        matrix=matrix,
-        field_mg=strength,
+    covariance = fitted.covariance * units[:, :, None] * units[:, None, :]
+    covariance *= np.maximum(fitted.chi2_reduced, 1.0)[:, None, None]
+    sine = np.full(len(factor), given.sine)
+    max_deg = predicted_at(found.field_mg, sine, found.matrix, covariance)[1]
+    seen = inverted(best.normal)
+    told_apart = fitted.starts.told_apart
+    rank = np.where(told_apart, seen.rank, np.minimum(seen.rank, UNKNOWNS - 1))
+    fits = SphereFits(
+        offset_mg=found.offset_mg,
+        matrix=found.matrix,
+        field_mg=found.field_mg,
         covariance=covariance,
-        residual_rms_mg=np.sqrt(best.chi2 / count) * field_sd_mg,
-        chi2_reduced=chi2,
-        condition=found.condition,
-        rank=found.rank,
-        predicted_rms_deg=rms_deg,
+        residual_rms_mg=np.sqrt(best.chi2 / cloud.points.shape[1]) * given.field_sd_mg,
+        chi2_reduced=fitted.chi2_reduced,
+        condition=seen.condition,
+        rank=rank,
+        predicted_rms_deg=fitted.rms_deg,
         predicted_max_deg=max_deg,
-        cause=np.zeros(len(strength), dtype=np.int8),
+        cause=cause,
     )
+    return neutral_where_refused(fits, cause, rank)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+
+from bench.calibration.crossed_field import without_cross_axis
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -55,11 +57,18 @@ class CalibrationData:
         Standard deviation of one row, each axis, that the weights assume.
     rig_sd_deg : float
         Standard deviation of each rig angle.
+    noise_known : bool
+        Whether these are what is known of sensor and rig, not a guess. The fits over many
+        tilts then refuse residuals that they cannot explain. A recording of a sensor of
+        unknown noise leaves it False.
     offset_mg : ndarray, shape (n, 3), or None
         (set + reset)/2 of each row, None where the readings are no pairs.
     station_field_mg : ndarray, shape (3,), or None
         The station's field in NED of the *rig's* frame (north = rig zero), for comparison
         and as the start; methods that need a field strength take its norm.
+    fixture_mg : ndarray, shape (3,), or None
+        Field of the fixture's iron in the body frame, where the station knows of any: `fit_named`
+        takes it out of the offset.
     """
 
     field_mg: NDArray[np.float64]
@@ -70,8 +79,10 @@ class CalibrationData:
     field_sd_mg: float = 0.5
     accel_sd_g: float = 0.002
     rig_sd_deg: float = 0.02
+    noise_known: bool = False
     offset_mg: NDArray[np.float64] | None = None
     station_field_mg: NDArray[np.float64] | None = None
+    fixture_mg: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.field_mg)
@@ -84,15 +95,36 @@ class CalibrationData:
         return float(np.rad2deg(np.arctan2(self.station_field_mg[1], self.station_field_mg[0])))
 
 
+def rows_of(data: CalibrationData, rows: NDArray[np.bool_]) -> CalibrationData:
+    """Return the data of the rows that are True in a mask of shape (n,)."""
+
+    def chosen(values: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+        return None if values is None else values[rows]
+
+    return replace(
+        data,
+        field_mg=data.field_mg[rows],
+        accel_g=chosen(data.accel_g),
+        azimuth_deg=chosen(data.azimuth_deg),
+        pitch_deg=chosen(data.pitch_deg),
+        roll_deg=chosen(data.roll_deg),
+        offset_mg=chosen(data.offset_mg),
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
     """Result of one method on one set of data.
 
-    corrected field = matrix @ (raw - offset_mg); corrected force likewise with the
-    accelerometer's. A refused fit has a cause, a sentence, and coefficients of None.
+    corrected field = matrix @ (raw - offset_mg), with raw less its cross-axis term where hk_mg
+    is known; corrected force likewise with the accelerometer's. A refused fit has a cause, a
+    sentence, and coefficients of None.
 
     Attributes
     ----------
+    hk_mg : ndarray, shape (3,), or None
+        Anisotropy fields with which the readings were corrected before the fit, 0 where an axis
+        was not; None where none was.
     covariance : ndarray, shape (p, p), or None
         Covariance of the parameters in the order of `parameters`.
     accel_from : str
@@ -135,6 +167,7 @@ class Fit:
     predicted_heading_rms_deg: float | None = None
     predicted_heading_max_deg: float | None = None
     extra: dict[str, float] = field(default_factory=dict)
+    hk_mg: NDArray[np.float64] | None = None
 
     @property
     def two_axis(self) -> bool:
@@ -148,6 +181,14 @@ class Fit:
 
     def corrected_mg(self, field_mg: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the corrected field, shape (..., 3), of raw readings of that shape."""
+        return self.body_mg(self.bridge_mg(field_mg))
+
+    def bridge_mg(self, field_mg: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return raw readings, shape (..., 3), without the bridges' cross-axis term."""
+        return field_mg if self.hk_mg is None else without_cross_axis(field_mg, self.hk_mg)
+
+    def body_mg(self, field_mg: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return matrix @ (field - offset_mg), shape (..., 3), of fields along the bridges."""
         if self.offset_mg is None or self.matrix is None:
             message = f"fit {self.method} was refused ({self.cause}) and has no coefficients"
             raise ValueError(message)
@@ -170,6 +211,8 @@ def refusal(
     condition: float | None = None,
     coverage: float | None = None,
     residual_rms_mg: float | None = None,
+    chi2_reduced: float | None = None,
+    extra: dict[str, float] | None = None,
 ) -> Fit:
     """Return a refused fit: a cause, one sentence, and the evidence; no coefficients."""
     return Fit(
@@ -181,4 +224,6 @@ def refusal(
         condition=condition,
         coverage=coverage,
         residual_rms_mg=residual_rms_mg,
+        chi2_reduced=chi2_reduced,
+        extra=extra or {},
     )

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from bench.calibration.compensation import Order
-from bench.calibration.methods import fit_all, fit_named, require_finite, rows_of
+from bench.calibration.fit import rows_of
+from bench.calibration.methods import fit_all, fit_named, require_finite
 from bench.calibration.ranking import (
     TILT_METHODS,
     HeadingError,

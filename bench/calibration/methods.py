@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from bench.calibration.accelerometer import fit_accelerometer
 from bench.calibration.ellipsoid import fit_ellipsoid
+from bench.calibration.fixture import without_fixture
 from bench.calibration.four_position import fit_four_position
 from bench.calibration.min_max import fit_min_max
 from bench.calibration.set_reset import fit_set_reset
@@ -20,8 +20,6 @@ from bench.calibration.two_axis_fit import fit_two_axis, fit_two_axis_aided
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from numpy.typing import NDArray
 
     from bench.calibration.fit import CalibrationData, Fit
 
@@ -42,7 +40,7 @@ METHODS: Final[dict[str, Callable[[CalibrationData], Fit]]] = {
 
 
 def fit_named(name: str, data: CalibrationData) -> Fit:
-    """Fit one method.
+    """Fit one method; what the fixture's iron adds to the offset is taken out.
 
     Raises
     ------
@@ -54,13 +52,13 @@ def fit_named(name: str, data: CalibrationData) -> Fit:
         message = f"method must be one of {', '.join(METHODS)}; instead received {name}"
         raise ValueError(message)
     require_finite(data)
-    return METHODS[name](data)
+    return without_fixture(METHODS[name](data), data)
 
 
 def fit_all(data: CalibrationData) -> dict[str, Fit]:
     """Return the fit of every method, by name, on the same data; refused ones with their cause."""
     require_finite(data)
-    return {name: fit(data) for name, fit in METHODS.items()}
+    return {name: without_fixture(fit(data), data) for name, fit in METHODS.items()}
 
 
 def require_finite(data: CalibrationData) -> None:
@@ -86,20 +84,3 @@ def require_finite(data: CalibrationData) -> None:
                 f"{name} must be finite in every row; instead received {value} in row {bad[0][0]}"
             )
             raise ValueError(message)
-
-
-def rows_of(data: CalibrationData, rows: NDArray[np.bool_]) -> CalibrationData:
-    """Return the data of the rows that are True in a mask of shape (n,)."""
-
-    def chosen(values: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-        return None if values is None else values[rows]
-
-    return replace(
-        data,
-        field_mg=data.field_mg[rows],
-        accel_g=chosen(data.accel_g),
-        azimuth_deg=chosen(data.azimuth_deg),
-        pitch_deg=chosen(data.pitch_deg),
-        roll_deg=chosen(data.roll_deg),
-        offset_mg=chosen(data.offset_mg),
-    )

@@ -87,7 +87,9 @@ def perfect_data(
     angles_deg = np.array(
         [(pose.azimuth_deg, pose.pitch_deg, pose.roll_deg) for pose in attitudes], dtype=float
     ).reshape(-1, 3)
-    like = data_like or CalibrationData(field_mg=np.zeros((0, 3)), accel_g=np.zeros((0, 3)))
+    like = data_like
+    if like is None:
+        like = CalibrationData(field_mg=np.zeros((0, 3)), accel_g=np.zeros((0, 3)))
     station = DEFAULT_FIELD_MG if like.station_field_mg is None else like.station_field_mg
     rotations = ned_from_body(*angles_deg.T)
     force_g = np.einsum("nji,j->ni", rotations, np.array([0.0, 0.0, -1.0]))

@@ -146,7 +146,7 @@ def optimal_poses(count: int, tilt_limit_deg: float, conditions: Conditions) -> 
         raise ValueError(message)
     candidates_deg = candidate_attitudes_deg(tilt_limit_deg)
     told = pose_information(ESTIMATOR, candidates_deg, conditions)
-    search = _Search(told, grid_rows(ESTIMATOR, conditions))
+    search = PoseSearch(told, grid_rows(ESTIMATOR, conditions))
     chosen = np.sort(search.exchanged(search.greedy(count)))
     bound = information_bound(ESTIMATOR, told[chosen].sum(axis=0), conditions)
     return _plan(candidates_deg[chosen], bound)
@@ -185,12 +185,12 @@ def _plan(attitudes_deg: NDArray[np.float64], bound: HeadingBound) -> PosePlan:
     )
 
 
-class _Search:
+class PoseSearch:
     """Greedy choice and exchange over candidates' information, in well-scaled parameters."""
 
     def __init__(self, told: NDArray[np.float64], rows: NDArray[np.float64]) -> None:
         mean = told.mean(axis=0)
-        scale = 1.0 / np.sqrt(np.diagonal(mean))
+        self._scale = scale = 1.0 / np.sqrt(np.diagonal(mean))
         self._told = told * scale[:, None] * scale
         self._prior = PRIOR * (mean * scale[:, None] * scale)
         scaled = rows * scale
@@ -222,6 +222,15 @@ class _Search:
         errors = self._errors(rest, self._told)
         errors[others] = np.inf
         return int(np.flatnonzero(errors <= errors.min() * (1.0 + SAME))[0])
+
+    def errors_with_each(self, visited: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        """Return tr(A Cov) of visited poses, and with each candidate added to them, shape (k,).
+
+        `visited` is what those poses tell, `pose_information`, shape (n, p, p).
+        """
+        rest = (visited * self._scale[:, None] * self._scale).sum(axis=0)
+        present = self._errors(rest, np.zeros((1, *rest.shape)))
+        return float(present[0]), self._errors(rest, self._told)
 
     def _errors(self, rest: NDArray[np.float64], told: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return tr(A Cov) with each candidate added to the rest, shape (k,)."""

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from bench.calibration.compensation import Order, compensated_heading_deg
+from bench.calibration.fixture import perfect_heading_deg
 from bench.calibration.level_turn import level_rows
 from protocols.angles import wrap_180_deg, wrap_360_deg
 
@@ -208,7 +209,9 @@ def computed_heading_deg(
 
 
 def expected_heading_deg(data: CalibrationData) -> NDArray[np.float64]:
-    """Return the true magnetic heading, shape (n,), in [0, 360): rig azimuth less field azimuth.
+    """Return the true magnetic heading, shape (n,), in [0, 360): azimuth less field azimuth.
+
+    In a seat with iron it is what a perfect module would send there.
 
     Raises
     ------
@@ -218,6 +221,8 @@ def expected_heading_deg(data: CalibrationData) -> NDArray[np.float64]:
     if data.azimuth_deg is None:
         message = "azimuth_deg must be given for a heading error; instead received none"
         raise ValueError(message)
+    if data.fixture_mg is not None:
+        return perfect_heading_deg(data)
     return wrap_360_deg(data.azimuth_deg - data.field_azimuth_deg)
 
 

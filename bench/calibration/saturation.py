@@ -45,6 +45,11 @@ def saturated(field_mg: NDArray[np.float64]) -> NDArray[np.bool_]:
     if field_mg.shape[-2] < FEWEST:
         return held
     columns = np.ascontiguousarray(np.swapaxes(field_mg, -1, -2))
+    ordered = np.sort(columns, axis=-1)
+    often = ordered[..., FEWEST - 1] == ordered[..., 0]
+    often |= ordered[..., -FEWEST] == ordered[..., -1]
+    if not often.any():
+        return held
     spread = SPREAD**2 * columns.var(axis=-1).sum(axis=-1)
     for axis in range(field_mg.shape[-1]):
         others_mg = np.delete(columns, axis, axis=-2)

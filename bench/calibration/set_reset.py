@@ -10,7 +10,8 @@ where a is half the difference of the gains after set and after reset. The middl
 2.5 mG (0.7 deg) that turns with the heading, and averaging over headings does not remove it
 where there is hard iron. So half the sum is regressed on 1, H C and H.
 
-The field's own cross-axis term, 1/(1 - (C/Hk)^2), is 0.1 % at 250 mG and 8 G and stays.
+The field's own cross-axis term, 1/(1 - (C/Hk)^2), is 0.1 % at 250 mG and 8 G; it stays here, and
+`cross_axis` takes it out with the Hk found.
 
 References
 ----------
@@ -26,6 +27,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bench.calibration.crossed_field import CROSS_AXIS
 from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
 from bench.calibration.level_kernel import LARGEST_MG, first_cause, refused_cause
 from bench.calibration.saturation import STOPPED, saturated
@@ -35,8 +37,6 @@ if TYPE_CHECKING:
 
 METHOD: Final = "set_reset"
 AXES: Final = "xyz"
-CROSS_AXIS: Final = (1, 0, 0)
-"""Index of the axis whose field acts across each bridge: y on x, x on y, x on z."""
 SMALLEST: Final = 4
 SMALLEST_WITH_GAIN: Final = 6
 SMALLEST_PRODUCT_MG2: Final = 5000.0
@@ -63,8 +63,9 @@ class SetResetFits:
     hk_observed, cross_fitted, gain_fitted : ndarray of bool
         Whether the cross-axis term stands out from the noise; whether it, and the gains'
         difference, are excited enough to be in the regression.
-    cross_per_mg, asymmetry : ndarray
-        Coefficients of H C (that is -1/Hk) and of H; 0 where left out.
+    cross_per_mg, cross_sd_per_mg, asymmetry : ndarray
+        Coefficient of H C (that is -1/Hk), its standard deviation, and coefficient of H; 0 where
+        left out.
     amplitude_mg : ndarray
         Largest |set - reset|/2.
     symmetry : ndarray
@@ -84,6 +85,7 @@ class SetResetFits:
     cross_fitted: NDArray[np.bool_]
     gain_fitted: NDArray[np.bool_]
     cross_per_mg: NDArray[np.float64]
+    cross_sd_per_mg: NDArray[np.float64]
     asymmetry: NDArray[np.float64]
     amplitude_mg: NDArray[np.float64]
     symmetry: NDArray[np.float64]
@@ -155,9 +157,8 @@ def set_reset_batch(field_mg: ArrayLike, offset_mg: ArrayLike) -> SetResetFits:
     offset_slope[..., 0], offset_slope[..., 2] = 1.0, -along.mean(axis=-1)
     ratio = np.clip(solution[..., 2], -0.999, 0.999)
     symmetry = np.where(dead, np.where(steady, 1.0, 0.0), (1.0 + ratio) / (1.0 - ratio))
-    slope_per_g = solution[..., 1] * MG_PER_G
-    slope_sd_per_g = np.sqrt(covariance[..., 1, 1]) * MG_PER_G
-    hk_g, hk_sd_g, observed = _hk_g(slope_per_g, slope_sd_per_g, cross)
+    slope_sd = np.sqrt(covariance[..., 1, 1])
+    hk_g, hk_sd_g, observed = _hk_g(solution[..., 1] * MG_PER_G, slope_sd * MG_PER_G, cross)
     offset_variance = np.einsum("...p,...pq,...q->...", offset_slope, covariance, offset_slope)
     return SetResetFits(
         bridge_offset_mg=(solution * offset_slope).sum(axis=-1),
@@ -168,6 +169,7 @@ def set_reset_batch(field_mg: ArrayLike, offset_mg: ArrayLike) -> SetResetFits:
         cross_fitted=cross,
         gain_fitted=gain,
         cross_per_mg=solution[..., 1],
+        cross_sd_per_mg=slope_sd,
         asymmetry=solution[..., 2],
         amplitude_mg=largest,
         symmetry=symmetry,

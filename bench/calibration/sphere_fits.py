@@ -19,6 +19,16 @@ Units = TypeVar("Units", bound="DataclassInstance")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SphereCoefficients:
+    """What many units are given: `SphereFits` without what judges them."""
+
+    offset_mg: NDArray[np.float64]
+    matrix: NDArray[np.float64]
+    field_mg: NDArray[np.float64]
+    cause: NDArray[np.int8]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SphereFits:
     """Coefficients of many units; the leading axes (...) are units.
 
@@ -74,10 +84,12 @@ def require_vectors(name: str, values: ArrayLike) -> NDArray[np.float64]:
 
 def joined(blocks: Sequence[Units], shape: tuple[int, ...]) -> Units:
     """Return blocks of fits, each with one unit axis, as one with unit axes of a shape."""
-    names = [one.name for one in fields(blocks[0])]
-    whole = {name: np.concatenate([getattr(block, name) for block in blocks]) for name in names}
-    shaped = {name: values.reshape((*shape, *values.shape[1:])) for name, values in whole.items()}
-    return replace(blocks[0], **shaped)
+    shaped = {}
+    for one in fields(blocks[0]):
+        parts = [getattr(block, one.name) for block in blocks]
+        whole = parts[0] if len(parts) == 1 else np.concatenate(parts)
+        shaped[one.name] = whole.reshape((*shape, *whole.shape[1:]))
+    return type(blocks[0])(**shaped)
 
 
 def neutral_where_refused(fits: Fits, cause: NDArray[np.int8], rank: NDArray[np.intp]) -> Fits:

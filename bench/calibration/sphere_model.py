@@ -31,6 +31,10 @@ if TYPE_CHECKING:
 TINY: Final = 1e-24
 SYMMETRIC_ROWS: Final = np.array([0, 1, 2, 0, 0, 1])
 SYMMETRIC_COLUMNS: Final = np.array([0, 1, 2, 1, 2, 2])
+SYMMETRIC_ELEMENTS: Final = np.array([0, 3, 4, 3, 1, 5, 4, 5, 2])
+"""Which of the six elements stands in each place of the matrix, row by row."""
+FOLD: Final = (np.arange(6)[:, None] == SYMMETRIC_ELEMENTS).astype(float)
+"""Adds derivatives by all nine elements, in the order of rows, to those by the six."""
 
 
 def symmetric(elements: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -39,10 +43,7 @@ def symmetric(elements: NDArray[np.float64]) -> NDArray[np.float64]:
     >>> symmetric(np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])).tolist()
     [[1.0, 4.0, 5.0], [4.0, 2.0, 6.0], [5.0, 6.0, 3.0]]
     """
-    matrix = np.empty((*elements.shape[:-1], 3, 3))
-    matrix[..., SYMMETRIC_ROWS, SYMMETRIC_COLUMNS] = elements
-    matrix[..., SYMMETRIC_COLUMNS, SYMMETRIC_ROWS] = elements
-    return matrix
+    return elements[..., SYMMETRIC_ELEMENTS].reshape(*elements.shape[:-1], 3, 3)
 
 
 def folded(by_matrix: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -73,16 +74,67 @@ def sphere_rows(
     sd : ndarray, shape (b,)
         Standard deviation of a point in each axis.
     """
-    z = points - centre[:, None, :]
-    w = z @ np.swapaxes(matrix, -1, -2)
-    p = w @ matrix
-    length = np.sqrt(np.maximum(np.einsum("bni,bni->bn", p, p), TINY))
-    r1 = 0.5 * (np.einsum("bni,bni->bn", w, w) - 1.0)
-    whiten = 1.0 / (sd[:, None] * length)
-    bend = -r1 * whiten / length**2
-    by_p = bend[..., None] * w
-    by_z = whiten[..., None] * w + bend[..., None] * (p @ np.swapaxes(matrix, -1, -2))
-    return r1 * whiten, _columns(matrix, [(by_z, z), (by_p, p)])
+    residual, by_matrix, against_centre = _sphere_parts(matrix, centre, points, sd)
+    columns = np.concatenate([by_matrix, -against_centre])
+    return residual, np.moveaxis(columns, 0, -1)
+
+
+def symmetric_sphere_rows(
+    matrix: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    points: NDArray[np.float64],
+    sd: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the derivatives of `sphere_rows` by the elements of a symmetric M and by b, and it.
+
+    Parameters
+    ----------
+    matrix, centre, points, sd : ndarray
+        As for `sphere_rows`.
+
+    Returns
+    -------
+    ndarray, shape (10, b, n)
+        Six elements, three coordinates, and at last the residual itself, each in one piece.
+    """
+    residual, by_matrix, against_centre = _sphere_parts(matrix, centre, points, sd)
+    rows = np.empty((10, *residual.shape))
+    np.matmul(FOLD, by_matrix.reshape(9, -1), out=rows[:6].reshape(6, -1))
+    np.negative(against_centre, out=rows[6:9])
+    rows[9] = residual
+    return rows
+
+
+def _sphere_parts(
+    matrix: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    points: NDArray[np.float64],
+    sd: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return r1/sqrt(a), (b, n), its derivatives by M row by row, (9, b, n), and by -b, (3, b, n).
+
+    Coordinates come first, so that each is one piece of memory for all units and readings.
+    """
+    z = np.subtract(points.transpose(2, 0, 1), centre.T[:, :, None], order="C")
+    both = np.concatenate([matrix, matrix.transpose(0, 2, 1) @ matrix], axis=1)
+    left, right = np.empty((2, 6, *z.shape[1:]))
+    # w = M z and p = M^T w of all readings, three coordinates each; then M p and M^T M p.
+    np.matmul(both, z.transpose(1, 0, 2), out=left.transpose(1, 0, 2))
+    w, p = left[:3], left[3:]
+    np.matmul(both, p.transpose(1, 0, 2), out=right.transpose(1, 0, 2))
+    halves = left.reshape(2, 3, *z.shape[1:])
+    length2, weight = np.einsum("hibn,hibn->hbn", halves, halves)
+    weight = np.maximum(weight, TINY)
+    whiten = 1.0 / (sd[:, None] * np.sqrt(weight))
+    residual = (length2 - 1.0) * (0.5 * whiten)
+    bend = residual / weight
+    bent = (bend * w)[:, None] * p
+    left *= whiten
+    right *= bend
+    left -= right
+    by_matrix = left[:3, None] * z
+    by_matrix -= bent
+    return residual, by_matrix.reshape(9, *residual.shape), left[3:]
 
 
 def tilt_rows(

@@ -18,6 +18,7 @@ References
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -25,10 +26,12 @@ import numpy as np
 from bench.calibration.coverage import sphere_coverage
 from bench.calibration.disturbed import (
     Disturbance,
+    Search,
+    contradiction,
     disturbed_poses,
     left_out,
     named,
-    too_many,
+    search,
 )
 from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
 from bench.calibration.saturation import saturated_axis
@@ -53,9 +56,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 METHOD: Final = "tilt_aided"
-MOST_POSES: Final = 500
-"""Longer recordings are not of poses: single rows are then not tested."""
-ROUNDS: Final = 5
 NO_POSE_S_FAULT: Final = (
     Cause.NO_TURN,
     Cause.NO_ACCELERATION,
@@ -107,28 +107,24 @@ def fit_tilt_aided(data: CalibrationData) -> Fit:
 
 def fit_with_force(data: CalibrationData, force: Force) -> Fit:
     """Fit at least 8 poses against a force of known uncertainty; see `fit_tilt_aided`."""
-    kept = np.ones(len(data), dtype=bool)
-    found: tuple[Disturbance, ...] = ()
-    fits = _fitted(data, force, kept)
+    everything = np.ones(len(data), dtype=bool)
+    fits = _fitted(data, force, everything)
     cause = CAUSES[int(fits.cause)]
     if cause in NO_POSE_S_FAULT:
         return _refused(data, fits, cause)
-    for _ in range(ROUNDS if len(data) <= MOST_POSES else 0):
-        found = _disturbances(data, force, kept)
-        poses = [one.pose for one in found]
-        if too_many(found, len(data)):
-            return _disturbed_field(data, found)
-        if set(poses) == set(np.flatnonzero(~kept)):
-            break
-        kept = ~np.isin(np.arange(len(data)), poses)
-        fits = _fitted(data, force, kept)
-    cause = CAUSES[int(fits.cause)]
+    seen = search(len(data), partial(_disturbances, data, force))
+    if seen.hopeless:
+        message = f"{contradiction(seen.found, len(data))}: the field around the module changed"
+        return refusal(METHOD, Cause.FIELD_DISTURBED, message, data)
+    if seen.found:
+        fits = _fitted(data, force, seen.kept)
+        cause = CAUSES[int(fits.cause)]
     if cause is not None:
-        return _refused(data, fits, cause)
-    cost = force_cost(data, kept, force, fits)
+        return _refused(data, fits, cause, seen.found)
+    cost = force_cost(data, seen.kept, force, fits)
     if cost.rms_deg > LARGEST_PREDICTED_DEG:
-        return _refused(data, fits, Cause.NOT_OBSERVABLE)
-    return _accepted(data, fits, kept, found, force, cost)
+        return _refused(data, fits, Cause.NOT_OBSERVABLE, seen.found)
+    return _accepted(data, fits, seen, force, cost)
 
 
 def _fitted(data: CalibrationData, force: Force, kept: NDArray[np.bool_]) -> TiltAidedFits:
@@ -139,21 +135,23 @@ def _fitted(data: CalibrationData, force: Force, kept: NDArray[np.bool_]) -> Til
         data.accel_sd_g,
         station_field_mg=data.station_field_mg,
         raw_force=force.raw,
+        noise_known=data.noise_known,
     )
 
 
 def _disturbances(
     data: CalibrationData, force: Force, kept: NDArray[np.bool_]
-) -> tuple[Disturbance, ...]:
+) -> tuple[Disturbance, ...] | None:
     """Return the poses, of all, that contradict the rest under the fit of the kept ones.
 
-    What a raw force may be off is no disturbance: its coefficients are let free here.
+    None where these have no fit. What a raw force may be off is no disturbance: its coefficients
+    are let free here.
     """
     noise = (data.field_sd_mg, data.accel_sd_g)
     mine = readings_of(data.field_mg[None, kept], force.accel_g[None, kept], *noise)
     best = tilt_minimum(mine)
     if not np.isfinite(best.chi2[0]):
-        return ()
+        return None
     every = mine.extended(data.field_mg[None], force.accel_g[None])
     residual, jacobian = every.rows(best.parameters, np.array([0]))
     columns = jacobian[0]
@@ -164,15 +162,12 @@ def _disturbances(
     return disturbed_poses(by_pose, np.swapaxes(columns.reshape(2, count, -1), 0, 1))
 
 
-def _disturbed_field(data: CalibrationData, found: tuple[Disturbance, ...]) -> Fit:
-    message = (
-        f"{len(found)} of {len(data)} poses contradict the others ({named(found)}): the field "
-        "around the module changed"
-    )
-    return refusal(METHOD, Cause.FIELD_DISTURBED, message, data)
-
-
-def _refused(data: CalibrationData, fits: TiltAidedFits, cause: Cause) -> Fit:
+def _refused(
+    data: CalibrationData,
+    fits: TiltAidedFits,
+    cause: Cause,
+    found: tuple[Disturbance, ...] = (),
+) -> Fit:
     relative = 100.0 * float(fits.residual_rms_mg) / max(float(fits.field_mg), 1e-9)
     sentences = {
         Cause.NO_TURN: "all readings are the same: turn the module through all directions",
@@ -186,18 +181,20 @@ def _refused(data: CalibrationData, fits: TiltAidedFits, cause: Cause) -> Fit:
         Cause.FIELD_DISTURBED: "field or offset drifted over the run, by "
         f"{float(fits.drift_deg):.1f} deg of heading: keep iron away, let the module warm up",
         Cause.NOT_CONVERGED: "the tilt-aided fit did not settle: cover more directions",
-        Cause.RESIDUAL_TOO_LARGE: f"the residual of {relative:.1f} % of the field is "
-        f"{float(fits.chi2_reduced) ** 0.5:.0f} times the noise: the field around the module "
+        Cause.RESIDUAL_TOO_LARGE: f"the residual of {relative:.2g} % of the field is "
+        f"{float(fits.chi2_reduced) ** 0.5:.1f} times the noise: the field around the module "
         "changed",
     }
+    without = f"; left out as disturbed: poses {named(found)}" if found else ""
     return refusal(
         METHOD,
         cause,
-        sentences[cause],
+        sentences[cause] + without,
         data,
         rank=int(fits.rank),
         condition=float(fits.condition),
         residual_rms_mg=float(fits.residual_rms_mg),
+        chi2_reduced=float(fits.chi2_reduced),
     )
 
 
@@ -213,23 +210,22 @@ def _unobservable(fits: TiltAidedFits) -> str:
 def _accepted(
     data: CalibrationData,
     fits: TiltAidedFits,
-    kept: NDArray[np.bool_],
-    found: tuple[Disturbance, ...],
+    seen: Search,
     force: Force,
     cost: ForceCost,
 ) -> Fit:
-    count = int(kept.sum())
-    corrected = (data.field_mg[kept] - fits.offset_mg) @ fits.matrix.T
+    count = int(seen.kept.sum())
+    corrected = (data.field_mg[seen.kept] - fits.offset_mg) @ fits.matrix.T
     extra = {
         "dip_deg_sd": float(np.sqrt(cost.covariance[12, 12])),
         "misalignment_deg": _misalignment_deg(fits.matrix),
         "residual_correlation": float(fits.correlation),
         "drift_deg": float(fits.drift_deg),
-        **left_out(found),
+        **left_out(seen.found),
     }
     return Fit(
         method=METHOD,
-        message=_message(found, force),
+        message=_message(seen.found, force),
         samples=count,
         offset_mg=fits.offset_mg,
         matrix=fits.matrix,

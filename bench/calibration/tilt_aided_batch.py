@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.calibration.consistency import correlation, drift
+from bench.calibration.consistency import correlation, drift, growth, largest_chi2
 from bench.calibration.fit import Cause
 from bench.calibration.grid_error import correction_rows, grid_axes, grid_field, predicted_deg
 from bench.calibration.least_squares import Inverse, Minimum, inverted
@@ -105,6 +105,7 @@ def tilt_aided_batch(
     *,
     station_field_mg: ArrayLike | None = None,
     raw_force: bool = False,
+    noise_known: bool = True,
 ) -> TiltAidedFits:
     """Fit matrix, offset and dip of many units.
 
@@ -122,6 +123,10 @@ def tilt_aided_batch(
     raw_force : bool
         Whether the force may be off by a bias and by gains. What they explain is then no drift;
         what they cost is not in the covariance (`tilt_force.force_cost`).
+    noise_known : bool
+        Whether the standard deviations are more than a guess: a unit whose residuals they cannot
+        explain (`consistency.largest_chi2`) is then refused with RESIDUAL_TOO_LARGE. Which poses
+        are to blame, `fit_tilt_aided` names.
 
     Returns
     -------
@@ -147,6 +152,7 @@ def tilt_aided_batch(
             (field_sd_mg, accel_sd_g),
             station,
             raw_force=raw_force,
+            noise_known=noise_known,
         )
         for first in range(0, len(units), BLOCK)
     ]
@@ -160,6 +166,7 @@ def _fitted(
     station_mg: NDArray[np.float64] | None,
     *,
     raw_force: bool,
+    noise_known: bool,
 ) -> TiltAidedFits:
     readings = readings_of(field_mg, accel_g, *noise)
     best = tilt_minimum(readings)
@@ -168,12 +175,14 @@ def _fitted(
     gains = np.linalg.svd(matrix, compute_uv=False)
     proper = (np.linalg.det(matrix) > 0.0) & (gains[:, 0] <= LARGEST_AXIS_RATIO * gains[:, 2])
     proper &= np.isfinite(best.chi2)
-    fits = _in_mg(readings, best, found, proper, station_mg, raw_force=raw_force)
+    given = {"raw_force": raw_force, "noise_known": noise_known}
+    fits = _in_mg(readings, best, found, proper, station_mg, **given)
     count = field_mg.shape[1]
     spread = _spread(readings.down)
     forceless = np.linalg.norm(accel_g, axis=-1).min(axis=-1) < SMALLEST_FORCE_G
-    relative = fits.residual_rms_mg / fits.field_mg
-    beyond_noise = (relative > NOTED_RESIDUAL) & (fits.chi2_reduced > LARGEST_CHI2)
+    too_large = _too_large(fits)
+    if noise_known:
+        too_large |= _unexplained(readings, best, raw_force=raw_force)
     conditions = {
         Cause.TOO_FEW: np.full(len(field_mg), count < SMALLEST),
         Cause.NO_TURN: readings.cloud.still,
@@ -183,7 +192,7 @@ def _fitted(
         Cause.NOT_OBSERVABLE: fits.mirror < SMALLEST_MIRROR,
         Cause.DEGENERATE: ~readings.cloud.usable
         | (best.converged & (~proper | _other_dip(fits, station_mg))),
-        Cause.RESIDUAL_TOO_LARGE: proper & ((relative > LARGEST_RESIDUAL) | beyond_noise),
+        Cause.RESIDUAL_TOO_LARGE: proper & too_large,
         Cause.NOT_CONVERGED: ~best.converged,
         Cause.FIELD_DISTURBED: fits.drift_deg > LARGEST_DRIFT_DEG,
     }
@@ -194,6 +203,32 @@ def _fitted(
     cause = np.where((cause == 0) & weak, CAUSES.index(Cause.NOT_OBSERVABLE), cause)
     rank = np.where(spread[:, 1] < SMALLEST_TILT, np.minimum(found.rank, LEVEL_RANK), found.rank)
     return neutral_where_refused(fits, cause.astype(np.int8), rank)
+
+
+def _too_large(fits: TiltAidedFits) -> NDArray[np.bool_]:
+    """Return whether the residuals are too large a part of the field, shape (b,)."""
+    relative = fits.residual_rms_mg / fits.field_mg
+    noted = (relative > NOTED_RESIDUAL) & (fits.chi2_reduced > LARGEST_CHI2)
+    return np.asarray((relative > LARGEST_RESIDUAL) | noted)
+
+
+def _unexplained(readings: Readings, best: Minimum, *, raw_force: bool) -> NDArray[np.bool_]:
+    """Return whether the noise does not explain the residuals, shape (b,).
+
+    What a raw force may be off explains them too: its coefficients are let free here.
+    """
+    dof = 2 * readings.down.shape[1] - UNKNOWNS
+    if not raw_force:
+        return np.asarray(best.chi2 / max(dof, 1) > largest_chi2(dof))
+    residual, jacobian = readings.rows(best.parameters, np.arange(len(best.chi2)))
+    loose = readings.force_columns(best.parameters)
+    turned = np.swapaxes(np.concatenate([jacobian, loose], axis=-1), 1, 2)
+    found = inverted(turned @ np.swapaxes(turned, 1, 2))
+    slope = turned @ residual[..., None]
+    drop = (np.swapaxes(slope, 1, 2) @ found.covariance @ slope)[:, 0, 0]
+    dofs = residual.shape[1] - found.rank
+    limits = np.array([largest_chi2(int(one)) for one in dofs])
+    return np.asarray((best.chi2 - drop) / np.maximum(dofs, 1) > limits)
 
 
 def _other_dip(fits: TiltAidedFits, station_mg: NDArray[np.float64] | None) -> NDArray[np.bool_]:
@@ -237,6 +272,7 @@ def _in_mg(
     station_mg: NDArray[np.float64] | None,
     *,
     raw_force: bool,
+    noise_known: bool,
 ) -> TiltAidedFits:
     cloud, parameters = readings.cloud, best.parameters
     unit = np.where(proper[:, None, None], parameters[:, :9].reshape(-1, 3, 3), np.eye(3))
@@ -249,8 +285,10 @@ def _in_mg(
     dip_rad = np.arcsin(sine)
     scales = [factor, cloud.scale_mg, np.rad2deg(1.0 / np.cos(dip_rad))]
     to_units = np.repeat(np.stack(scales, axis=1), [9, 3, 1], axis=1)
+    told = noise_known and not raw_force
+    noise = growth(chi2, 2 * cloud.points.shape[1] - UNKNOWNS) if told else np.maximum(chi2, 1.0)
     covariance, shift, together, rms = _uncertainty(
-        readings, best, found, chi2, to_units, raw_force=raw_force
+        readings, best, found, noise, to_units, raw_force=raw_force
     )
     matrix = unit * factor[:, None, None]
     rows = correction_rows(*grid_field(grid_axes(), strength, sine), matrix)
@@ -279,14 +317,14 @@ def _uncertainty(
     readings: Readings,
     best: Minimum,
     found: Inverse,
-    chi2: NDArray[np.float64],
+    noise: NDArray[np.float64],
     to_units: NDArray[np.float64],
     *,
     raw_force: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return covariance and shift by a drift (b, 13) in the fit's units, correlation, RMS of r1."""
-    residual, jacobian = readings.rows(best.parameters, np.arange(len(chi2)))
-    by_pose = residual.reshape(len(chi2), 2, -1)
+    residual, jacobian = readings.rows(best.parameters, np.arange(len(noise)))
+    by_pose = residual.reshape(len(noise), 2, -1)
     together = correlation(by_pose)
     by_drift = drift_rows(best.parameters, jacobian)
     spread = found.covariance
@@ -295,7 +333,7 @@ def _uncertainty(
         jacobian = np.concatenate([jacobian, loose], axis=-1)
         spread = inverted(np.swapaxes(jacobian, 1, 2) @ jacobian).covariance
     shift = drift(residual, jacobian, spread, by_drift).shift[:, :UNKNOWNS] * to_units
-    growth = np.maximum(chi2, 1.0) * (1.0 + together) / (1.0 - together)
+    noise = noise * (1.0 + together) / (1.0 - together)
     covariance = found.covariance * to_units[:, :, None] * to_units[:, None, :]
-    covariance = covariance * growth[:, None, None] + shift[:, :, None] * shift[:, None, :]
+    covariance = covariance * noise[:, None, None] + shift[:, :, None] * shift[:, None, :]
     return covariance, shift, together, np.sqrt((by_pose[:, 0] ** 2).mean(axis=1))

@@ -46,7 +46,7 @@ def ellipsoid_start(
     points, down : ndarray, shape (b, n, 3)
         Normalised readings and unit vectors down.
     """
-    return _turned(starts.matrix, starts.centre, points, down)
+    return mounted(starts.matrix, starts.centre, points, down)
 
 
 def sphere_start(points: NDArray[np.float64], down: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -62,15 +62,22 @@ def sphere_start(points: NDArray[np.float64], down: NDArray[np.float64]) -> NDAr
     centre = solution[:, :3]
     radius = np.sqrt(np.maximum(solution[:, 3] + (centre**2).sum(axis=1), 1e-6))
     matrix = np.eye(3) / radius[:, None, None]
-    return _turned(matrix, centre, points, down)
+    return mounted(matrix, centre, points, down)
 
 
-def _turned(
+def mounted(
     matrix: NDArray[np.float64],
     centre: NDArray[np.float64],
     points: NDArray[np.float64],
     down: NDArray[np.float64],
 ) -> NDArray[np.float64]:
+    """Return M row by row, b and sin(dip), (b, 13), of corrections turned to the force's axes.
+
+    Parameters
+    ----------
+    matrix, centre : ndarray, shape (b, 3, 3) and (b, 3)
+    points, down : ndarray, shape (b, n, 3)
+    """
     count = points.shape[1]
     inside = (points - centre[:, None, :]) @ np.swapaxes(matrix, 1, 2)
     products = (down[..., :, None] * inside[..., None, :]).reshape(-1, count, 9)

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bench.calibration.consistency import growth, largest_chi2
 from bench.calibration.coverage import sphere_coverage
-from bench.calibration.disturbed import left_out, named
+from bench.calibration.disturbed import contradiction, left_out, named
 from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
 from bench.calibration.prediction import (
     DEFAULT_FIELD_MG,
@@ -28,13 +29,15 @@ from bench.calibration.prediction import (
 )
 from bench.calibration.saturation import STOPPED, saturated_axis
 from bench.calibration.truth_disturbed import outstanding, undisturbed
+from bench.calibration.truth_iteration import LARGEST
 from bench.calibration.truth_model import (
     LARGEST_AXIS_RATIO,
     LARGEST_PREDICTED_DEG,
     LARGEST_RESIDUAL,
+    SMALLEST,
     RigPoses,
     observed,
-    rig_poses,
+    poses_of,
 )
 from bench.calibration.truth_solver import DOWN, Sensor, Solution, solved, started
 
@@ -77,7 +80,8 @@ def fit_truth_aided(data: CalibrationData) -> Fit:
         ``base_level_east_deg`` (rotations of the base about the rig's north and east axes),
         each with ``_sd``, and ``field_magnitude_mg``: the strength in the module's nominal
         scale, |det W|^(1/3) times the station's. The parameters are those of raw = W v + b; the
-        covariance is the weights' own, times chi2_reduced where that exceeds one.
+        covariance is the weights' own, times chi2_reduced where that exceeds one, and more where
+        the noise is known and does not explain it (`consistency.growth`).
         Poses that contradict the others are left out and named in the message; `extra` then
         holds ``disturbed_poses`` and for each ``disturbed_<row>_sigmas``.
         Refused with NO_TRUTH, TOO_FEW, TILT_TOO_SMALL, NOT_OBSERVABLE, SATURATED,
@@ -93,17 +97,22 @@ def fit_truth_aided(data: CalibrationData) -> Fit:
     whenever an angle comes back, so that the standard deviations of the magnetometer's gains
     are up to 1.4 times too small; those of offsets, field azimuth and dip hold within a fifth.
     """
-    if data.azimuth_deg is None or data.pitch_deg is None or data.roll_deg is None:
+    poses = poses_of(data)
+    if poses is None:
         message = "the truth-aided fit needs the rig's azimuth, pitch and roll of every reading"
         return refusal(METHOD, Cause.NO_TRUTH, message, data)
-    poses = rig_poses(data.azimuth_deg, data.pitch_deg, data.roll_deg)
-    if len(data) < 6:
-        message = f"the truth-aided fit needs at least 6 poses; instead received {len(data)}"
+    if len(data) < SMALLEST:
+        message = (
+            f"the truth-aided fit needs at least {SMALLEST} poses; instead received {len(data)}"
+        )
         return refusal(METHOD, Cause.TOO_FEW, message, data)
     rank, condition = sensors_observed(data, poses)
     needed = 12 if data.accel_g is None else 24
     if rank < needed:
         return _unobservable(data, rank, needed, condition)
+    if not np.abs(data.field_mg).max() <= LARGEST:
+        message = f"a reading is beyond {LARGEST:.0e} mG, or is no number: no magnetometer reads so"
+        return refusal(METHOD, Cause.DEGENERATE, message, data, rank=rank, condition=condition)
     held = saturated_axis(data.field_mg)
     if held is not None:
         message = f"axis {held} {STOPPED}"
@@ -127,10 +136,8 @@ def _without_disturbed(
         return _checked(data, solution, poses, rank, condition)
     needed = 12 if data.accel_g is None else 24
     if rest.solution is None or sensors_observed(rest.data, rest.poses)[0] < needed:
-        message = (
-            f"{len(rest.found)} of {len(data)} poses contradict the others ({named(rest.found)}): "
-            "the field around the module changed, or the rig was not where it said"
-        )
+        seen = contradiction(rest.found, len(data))
+        message = f"{seen}: the field around the module changed, or the rig was not where it said"
         return refusal(METHOD, Cause.FIELD_DISTURBED, message, data, rank=rank, condition=condition)
     fit = _checked(rest.data, rest.solution, rest.poses, *sensors_observed(rest.data, rest.poses))
     message = f"left out as disturbed: poses {named(rest.found)}"
@@ -199,22 +206,39 @@ def _checked(
     fit = _fit_of(data, solution, poses, rank, condition)
     assert fit.residual_rms_mg is not None  # noqa: S101
     assert fit.predicted_heading_rms_deg is not None  # noqa: S101
-    relative = fit.residual_rms_mg / solution.field_mg
-    if relative > LARGEST_RESIDUAL:
-        message = (
-            f"the residual of {100.0 * relative:.1f} % of the field exceeds "
-            f"{100.0 * LARGEST_RESIDUAL:.0f} %: the field moved, or the angles are not the unit's"
-        )
-        cause = Cause.RESIDUAL_TOO_LARGE
-    elif fit.predicted_heading_rms_deg > LARGEST_PREDICTED_DEG:
+    cause, message = _contradiction(data, solution, fit.residual_rms_mg)
+    if cause is None and fit.predicted_heading_rms_deg > LARGEST_PREDICTED_DEG:
+        cause = Cause.NOT_OBSERVABLE
         message = (
             f"the poses would leave a heading error of {fit.predicted_heading_rms_deg:.1f} deg "
             "RMS: tilt further or add poses"
         )
-        cause = Cause.NOT_OBSERVABLE
-    else:
+    if cause is None:
         return fit
-    return refuse(cause, message, residual_rms_mg=fit.residual_rms_mg)
+    return refuse(
+        cause, message, residual_rms_mg=fit.residual_rms_mg, chi2_reduced=fit.chi2_reduced
+    )
+
+
+def _contradiction(
+    data: CalibrationData, solution: Solution, residual_mg: float
+) -> tuple[Cause | None, str]:
+    """Return what the residuals have against the fit, and the sentence; None if nothing."""
+    assert solution.jacobian is not None  # noqa: S101
+    equations, unknowns = solution.jacobian.shape
+    dof = equations - unknowns
+    chi2_reduced = solution.chi2 / max(dof, 1)
+    relative = residual_mg / solution.field_mg
+    blame = "the field moved, or the angles are not the unit's"
+    if relative > LARGEST_RESIDUAL:
+        limit = f"exceeds {100.0 * LARGEST_RESIDUAL:.0f} %"
+        message = f"the residual of {100.0 * relative:.1f} % of the field {limit}: {blame}"
+    elif data.noise_known and chi2_reduced > largest_chi2(dof):
+        times = chi2_reduced**0.5
+        message = f"the residual is {times:.1f} times what noise and rig explain: {blame}"
+    else:
+        return None, ""
+    return Cause.RESIDUAL_TOO_LARGE, message
 
 
 def _fit_of(
@@ -226,7 +250,10 @@ def _fit_of(
     assert solution.jacobian is not None  # noqa: S101
     equations, unknowns = solution.jacobian.shape
     chi2_reduced = solution.chi2 / max(equations - unknowns, 1)
-    covariance = solution.covariance * max(chi2_reduced, 1.0)
+    noise = max(chi2_reduced, 1.0)
+    if data.noise_known:
+        noise = float(growth(np.array(chi2_reduced), equations - unknowns))
+    covariance = solution.covariance * noise
     rms_deg, max_deg = _predicted(solution, magnetometer, accelerometer, covariance)
     names = MAGNETOMETER_PARAMETERS + (ACCELEROMETER_PARAMETERS if accelerometer else ())
     units = np.array([_unit(name) for name in names])

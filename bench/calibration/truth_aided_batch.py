@@ -1,7 +1,6 @@
 """Both sensors' coefficients of many units on the same planned poses, without a loop over units.
 
-The model and the weights are those of `bench.calibration.truth_solver`: raw = W v + b at known
-angles, generalised least squares with the rig's uncertainty carried through both sensors.
+The solution is that of `bench.calibration.truth_iteration`; here it is judged, unit by unit.
 """
 
 from __future__ import annotations
@@ -11,31 +10,26 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bench.calibration.consistency import growth, largest_chi2
 from bench.calibration.fit import Cause
 from bench.calibration.grid_error import grid_axes, grid_field, grid_force, predicted_deg
 from bench.calibration.least_squares import Inverse, inverted
 from bench.calibration.saturation import saturated
 from bench.calibration.sphere_fits import joined, require_vectors
+from bench.calibration.truth_iteration import model_of, settled_units
 from bench.calibration.truth_model import (
-    LARGEST_AXIS_RATIO,
     LARGEST_PREDICTED_DEG,
     LARGEST_RESIDUAL,
+    SMALLEST,
     common_poses,
     observed,
 )
-from bench.calibration.truth_rows import NormalEquations, TruthModel, truth_normal, truth_rows
+from bench.calibration.truth_rows import DOWN, NormalEquations, TruthModel, gain_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-ITERATIONS: Final = 12
-SETTLED: Final = 1e-4
-"""Squared length of the last step in standard deviations."""
 BLOCK: Final = 64
-SMALLEST: Final = 6
-RIDGE: Final = 1e-13
-LARGEST_MG: Final = 1e7
-DOWN: Final = np.array([0.0, 0.0, 1.0])
 CAUSES: Final[tuple[Cause | None, ...]] = (
     None,
     Cause.TOO_FEW,
@@ -63,7 +57,7 @@ class TruthAidedFits:
         0 without an accelerometer.
     covariance : ndarray, shape (..., 28, 28), or (..., 14, 14) without an accelerometer
         In the order of `truth_aided`'s parameters; the weights' own times chi2_reduced where
-        that exceeds 1.
+        that exceeds 1, and more where known noise does not explain it (`consistency.growth`).
     residual_rms_mg, chi2_reduced, condition : ndarray, shape (...)
     predicted_rms_deg, predicted_max_deg : ndarray, shape (...)
     cause : ndarray of int8, shape (...)
@@ -96,6 +90,7 @@ def truth_aided_batch(
     accel_sd_g: float,
     rig_sd_deg: float,
     station_field_mg: ArrayLike,
+    noise_known: bool = True,
 ) -> TruthAidedFits:
     """Fit both sensors, field direction and base level of many units on common poses.
 
@@ -109,6 +104,10 @@ def truth_aided_batch(
         Standard deviations of a reading, each axis, and of each rig angle.
     station_field_mg : array-like, shape (3,)
         Field in the rig's frame: its strength, and the start of its direction.
+    noise_known : bool
+        Whether the standard deviations are more than a guess: a unit whose residuals they cannot
+        explain (`consistency.largest_chi2`) is then refused with RESIDUAL_TOO_LARGE. Which poses
+        are to blame, `fit_truth_aided` names.
 
     Raises
     ------
@@ -121,116 +120,47 @@ def truth_aided_batch(
     if accel_g is not None:
         raw = np.concatenate([readings, require_vectors("accel_g", accel_g)], axis=-1)
     station = np.asarray(station_field_mg, dtype=float)
-    model = TruthModel(
-        poses=poses,
-        strength=float(np.linalg.norm(station)),
-        field_sd=field_sd_mg,
-        accel_sd=None if accel_g is None else accel_sd_g,
-        rig_sd_rad=float(np.deg2rad(rig_sd_deg)),
+    model = model_of(
+        poses,
+        station,
+        field_sd_mg=field_sd_mg,
+        accel_sd_g=None if accel_g is None else accel_sd_g,
+        rig_sd_deg=rig_sd_deg,
     )
     units = raw.reshape(-1, *raw.shape[-2:])
     starts = range(0, len(units), BLOCK)
-    blocks = [_fitted(model, units[first : first + BLOCK], station) for first in starts]
+    blocks = [
+        _fitted(model, units[first : first + BLOCK], station, noise_known=noise_known)
+        for first in starts
+    ]
     return joined(blocks, readings.shape[:-2])
 
 
-def linear_start(
-    model: TruthModel, raw: NDArray[np.float64], station_mg: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the parameters of unweighted linear fits at the station's field, level base."""
-    directions = [station_mg, -DOWN][: model.sensors]
-    parts = []
-    for sensor, direction in enumerate(directions):
-        vectors = model.poses.turned(direction)
-        regressors = np.column_stack([vectors, np.ones(len(vectors))])
-        inverse = np.linalg.pinv(regressors)
-        found = inverse @ raw[:, :, 3 * sensor : 3 * sensor + 3]
-        parts += [np.swapaxes(found[:, :3], 1, 2).reshape(-1, 9), found[:, 3]]
-        angles = np.zeros((len(raw), 2))
-        if sensor == 0:
-            angles[:, 0] = np.arctan2(station_mg[1], station_mg[0])
-            angles[:, 1] = np.arctan2(station_mg[2], np.hypot(station_mg[0], station_mg[1]))
-        parts.append(angles)
-    return np.concatenate(parts, axis=1)
-
-
-def _solved(
+def _fitted(
     model: TruthModel,
     raw: NDArray[np.float64],
-    start: NDArray[np.float64],
-    neutral: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NormalEquations, NDArray[np.bool_]]:
-    """Return parameters, normal equations there, and which units settled.
-
-    A unit that runs away goes on from the neutral parameters with the readings that they give.
-    """
-    parameters = start
-    settled = lost = np.zeros(len(raw), dtype=bool)
-    here = truth_normal(model, parameters, raw)
-    for _ in range(ITERATIONS):
-        scale = np.sqrt(np.maximum(np.diagonal(here.normal, axis1=1, axis2=2), 1e-300))
-        scaled = here.normal / (scale[:, :, None] * scale[:, None, :])
-        scaled = scaled + RIDGE * np.eye(parameters.shape[1])
-        step = np.linalg.solve(scaled, (here.slope / scale)[..., None])[..., 0]
-        size = np.einsum("bp,bp->b", step, here.slope / scale)
-        parameters = parameters + step / scale
-        away = ~(np.abs(parameters).max(axis=1) < LARGEST_MG) | ~_regular(model, parameters)
-        lost = lost | away
-        parameters = np.where(away[:, None], neutral, parameters)
-        if away.any():
-            raw = np.where(away[:, None, None], truth_rows(model, parameters).modelled, raw)
-        here = truth_normal(model, parameters, raw)
-        settled = (size < SETTLED) & ~away
-        if settled.all():
-            break
-    return parameters, here, settled & ~lost
-
-
-def _neutral(model: TruthModel, station_mg: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the parameters, shape (p,), of a perfect unit in the station's field."""
-    north, east, down = station_mg
-    parts = [np.eye(3).ravel(), np.zeros(3)]
-    parts.append(np.array([np.arctan2(east, north), np.arctan2(down, np.hypot(north, east))]))
-    if model.sensors == 2:
-        parts += [np.eye(3).ravel(), np.zeros(5)]
-    return np.concatenate(parts)
-
-
-def _regular(model: TruthModel, parameters: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which units' gains, of each sensor, are finite and span three axes."""
-    regular = np.asarray(np.isfinite(parameters).all(axis=1))
-    safe = np.where(regular[:, None], parameters, 0.0)
-    for sensor in range(model.sensors):
-        gains = np.linalg.svd(_gain(safe, sensor), compute_uv=False)
-        regular &= gains[:, 2] * LARGEST_AXIS_RATIO > gains[:, 0]
-    return np.asarray(regular)
-
-
-def _fitted(
-    model: TruthModel, raw: NDArray[np.float64], station_mg: NDArray[np.float64]
+    station_mg: NDArray[np.float64],
+    *,
+    noise_known: bool,
 ) -> TruthAidedFits:
-    neutral = _neutral(model, station_mg)
+    both = len(model.sensors) == 2
     seen = observed(model.poses.turned(station_mg))[0]
-    seen += observed(model.poses.turned(DOWN))[0] if model.sensors == 2 else 12
+    seen += observed(model.poses.turned(DOWN))[0] if both else 12
     few, blind = raw.shape[1] < SMALLEST, seen < 24
-    beyond = np.abs(raw).max(axis=(1, 2)) > LARGEST_MG
-    start = linear_start(model, np.where(beyond[:, None, None], 0.0, raw), station_mg)
-    degenerate = beyond | ~_regular(model, start)
-    unfit = degenerate | few | blind
-    start = np.where(unfit[:, None], neutral, start)
-    perfect = truth_rows(model, neutral[None]).modelled
-    parameters, here, settled = _solved(
-        model, np.where(unfit[:, None, None], perfect, raw), start, neutral
-    )
-    found = inverted(here.normal)
-    fits = _in_mg(model, parameters, here, found)
+    solution = settled_units(model, raw, station_mg, unfit=few or blind)
+    found = inverted(solution.here.normal)
+    fits = _in_mg(model, solution.parameters, solution.here, found, noise_known=noise_known)
+    unknowns = solution.parameters.shape[1]
+    moved = fits.residual_rms_mg > LARGEST_RESIDUAL * model.strength
+    if noise_known:
+        moved |= fits.chi2_reduced > largest_chi2(raw[0].size - unknowns)
     conditions = {
         Cause.TOO_FEW: np.full(len(raw), few),
-        Cause.NOT_OBSERVABLE: (found.rank < start.shape[1]) | blind,
+        Cause.NOT_OBSERVABLE: (found.rank < unknowns) | blind,
         Cause.SATURATED: saturated(raw[..., :3]).any(axis=-1),
-        Cause.DEGENERATE: degenerate,
-        Cause.NOT_CONVERGED: ~settled,
-        Cause.RESIDUAL_TOO_LARGE: fits.residual_rms_mg > LARGEST_RESIDUAL * model.strength,
+        Cause.DEGENERATE: solution.degenerate,
+        Cause.NOT_CONVERGED: ~solution.converged,
+        Cause.RESIDUAL_TOO_LARGE: moved,
     }
     codes = [np.int8(CAUSES.index(cause)) for cause in conditions]
     cause = np.select(list(conditions.values()), codes, np.int8(0))
@@ -239,24 +169,20 @@ def _fitted(
     return _neutral_where_refused(fits, cause.astype(np.int8))
 
 
-def _gain(parameters: NDArray[np.float64], sensor: int) -> NDArray[np.float64]:
-    return parameters[:, 14 * sensor : 14 * sensor + 9].reshape(-1, 3, 3)
-
-
 def heading_rows(model: TruthModel, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the heading's derivative, (b, k, p), over the verification grid by all parameters."""
     axes = grid_axes()
     sine = np.sin(parameters[:, 13])
     field, gradient = grid_field(axes, np.full(len(sine), model.strength), sine)
     rows = np.zeros((len(sine), len(axes), parameters.shape[1]))
-    rows[..., :12] = _by_sensor(field, gradient, _gain(parameters, 0))
-    if model.sensors == 2:
+    rows[..., :12] = coefficient_rows(field, gradient, gain_of(parameters, 0))
+    if len(model.sensors) == 2:
         force, gradient = grid_force(axes, sine)
-        rows[..., 14:26] = _by_sensor(force, gradient, _gain(parameters, 1))
+        rows[..., 14:26] = coefficient_rows(force, gradient, gain_of(parameters, 1))
     return rows
 
 
-def _by_sensor(
+def coefficient_rows(
     vectors: NDArray[np.float64], gradient: NDArray[np.float64], gain: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return derivatives (b, k, 12) by W row by row and b of raw = W v + b with raw held."""
@@ -270,21 +196,24 @@ def _in_mg(
     parameters: NDArray[np.float64],
     here: NormalEquations,
     found: Inverse,
+    *,
+    noise_known: bool,
 ) -> TruthAidedFits:
     units, count, equations = here.residual.shape
     unknowns = parameters.shape[1]
     dof = max(equations * count - unknowns, 1)
     chi2 = here.chi2 / dof
-    covariance = found.covariance * np.maximum(chi2, 1.0)[:, None, None]
+    noise = growth(chi2, dof) if noise_known else np.maximum(chi2, 1.0)
+    covariance = found.covariance * noise[:, None, None]
     rms_deg, max_deg = predicted_deg(heading_rows(model, parameters), covariance)
     to_deg = np.ones(unknowns)
-    to_deg[[12, 13, 26, 27][: 2 * model.sensors]] = np.rad2deg(1.0)
-    both = model.sensors == 2
+    to_deg[[12, 13, 26, 27][: 2 * len(model.sensors)]] = np.rad2deg(1.0)
+    both = len(model.sensors) == 2
     level = parameters[:, 26:28] if both else np.zeros((units, 2))
     return TruthAidedFits(
-        gain=_gain(parameters, 0),
+        gain=gain_of(parameters, 0),
         offset_mg=parameters[:, 9:12],
-        accel_gain=_gain(parameters, 1) if both else np.tile(np.eye(3), (units, 1, 1)),
+        accel_gain=gain_of(parameters, 1) if both else np.tile(np.eye(3), (units, 1, 1)),
         accel_offset_g=parameters[:, 23:26] if both else np.zeros((units, 3)),
         field_azimuth_deg=np.rad2deg(parameters[:, 12]),
         dip_deg=np.rad2deg(parameters[:, 13]),

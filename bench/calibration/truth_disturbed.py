@@ -1,4 +1,4 @@
-"""Disturbed poses of the truth-aided fit: found, named and left out, never only weighted down.
+"""Disturbed poses at known rig angles: found, named and left out, never only weighted down.
 
 The search itself does not look at the noise that the weights assume. Here a pose must first stand
 out of that noise, so that an undisturbed run is not searched and keeps its solution as it is.
@@ -9,20 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
-from bench.calibration.disturbed import Disturbance, disturbed_poses, too_many
-from bench.calibration.truth_model import RigPoses, rig_poses
+from bench.calibration.disturbed import MOST_POSES, Disturbance, disturbed_poses, search
+from bench.calibration.fit import rows_of
+from bench.calibration.truth_model import RigPoses, poses_of
 from bench.calibration.truth_solver import Solution, solved, started, whitened
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from bench.calibration.fit import CalibrationData
 
-MOST_POSES: Final = 500
-"""Longer recordings are not of poses: single rows are then not tested."""
-ROUNDS: Final = 5
 OUTSTANDING: Final = 0.001
 """Chance by which noise alone puts one pose's residuals so far out that the run is searched."""
 
@@ -54,9 +51,6 @@ def outstanding(solution: Solution, poses: RigPoses, rig_sd_deg: float) -> bool:
 def undisturbed(data: CalibrationData, poses: RigPoses, solution: Solution) -> Undisturbed:
     """Return the data without those poses that contradict the others, and its solution.
 
-    Every round searches all poses under the solution of those that are left, until the same are
-    found again.
-
     Parameters
     ----------
     data : CalibrationData
@@ -64,25 +58,22 @@ def undisturbed(data: CalibrationData, poses: RigPoses, solution: Solution) -> U
     poses : RigPoses
         Of the data.
     solution : Solution
-        Of all poses.
+        Of all poses, for both sensors or for one.
     """
-    kept = np.ones(len(data), dtype=bool)
-    rest, rest_poses, state = data, poses, solution
-    found: tuple[Disturbance, ...] = ()
-    for _ in range(ROUNDS):
-        found = _found(data, poses, state)
-        rows = [one.pose for one in found]
-        if set(rows) == set(np.flatnonzero(~kept)):
-            break
-        if too_many(found, len(data)):
-            return Undisturbed(found=found, data=data, poses=poses, solution=None)
-        kept = ~np.isin(np.arange(len(data)), rows)
-        rest = _rows(data, kept)
-        rest_poses = _poses(rest)
-        state = _solved(rest, rest_poses)
-        if not state.converged:
-            return Undisturbed(found=found, data=rest, poses=rest_poses, solution=None)
-    return Undisturbed(found=found, data=rest, poses=rest_poses, solution=state)
+
+    def contradicting(kept: NDArray[np.bool_]) -> tuple[Disturbance, ...] | None:
+        state = solution if kept.all() else _solved(rows_of(data, kept), solution)[1]
+        return _found(data, poses, state) if state.converged else None
+
+    seen = search(len(data), contradicting)
+    if seen.hopeless:
+        return Undisturbed(found=seen.found, data=data, poses=poses, solution=None)
+    if not seen.found:
+        return Undisturbed(found=(), data=data, poses=poses, solution=solution)
+    rest = rows_of(data, seen.kept)
+    rest_poses, state = _solved(rest, solution)
+    left = state if state.converged else None
+    return Undisturbed(found=seen.found, data=rest, poses=rest_poses, solution=left)
 
 
 def _found(data: CalibrationData, poses: RigPoses, solution: Solution) -> tuple[Disturbance, ...]:
@@ -99,27 +90,9 @@ def _found(data: CalibrationData, poses: RigPoses, solution: Solution) -> tuple[
     return disturbed_poses(by_pose, jacobian.reshape(count, by_pose.shape[1], -1))
 
 
-def _solved(data: CalibrationData, poses: RigPoses) -> Solution:
-    return solved(started(poses, data), poses, data.rig_sd_deg)
-
-
-def _poses(data: CalibrationData) -> RigPoses:
-    assert data.azimuth_deg is not None  # noqa: S101
-    assert data.pitch_deg is not None  # noqa: S101
-    assert data.roll_deg is not None  # noqa: S101
-    return rig_poses(data.azimuth_deg, data.pitch_deg, data.roll_deg)
-
-
-def _rows(data: CalibrationData, kept: NDArray[np.bool_]) -> CalibrationData:
-    assert data.azimuth_deg is not None  # noqa: S101
-    assert data.pitch_deg is not None  # noqa: S101
-    assert data.roll_deg is not None  # noqa: S101
-    return replace(
-        data,
-        field_mg=data.field_mg[kept],
-        accel_g=None if data.accel_g is None else data.accel_g[kept],
-        azimuth_deg=data.azimuth_deg[kept],
-        pitch_deg=data.pitch_deg[kept],
-        roll_deg=data.roll_deg[kept],
-        offset_mg=None if data.offset_mg is None else data.offset_mg[kept],
-    )
+def _solved(data: CalibrationData, like: Solution) -> tuple[RigPoses, Solution]:
+    """Return poses and solution of data, of the same sensors as another solution."""
+    poses = poses_of(data)
+    assert poses is not None  # noqa: S101
+    start = started(poses, data, with_magnetometer=like.magnetometer is not None)
+    return poses, solved(start, poses, data.rig_sd_deg)

@@ -16,7 +16,10 @@ from bench.calibration.tilt import ned_from_body
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from bench.calibration.fit import CalibrationData
 
+SMALLEST: Final = 6
+"""Poses below which nothing is left that could contradict."""
 LARGEST_AXIS_RATIO: Final = 10.0
 LARGEST_RESIDUAL: Final = 0.08
 """Residual RMS an axis, as a part of the field, beyond which the model does not hold."""
@@ -60,6 +63,13 @@ def rig_poses(
     axes_body[:, 1, 2] = -np.sin(roll_rad)
     axes_body[:, 2, 0] = 1.0
     return RigPoses(body_from_rig=rig_from_body.transpose(0, 2, 1), axes_body=axes_body)
+
+
+def poses_of(data: CalibrationData) -> RigPoses | None:
+    """Return the poses of readings, None where an angle of the rig is not known."""
+    if data.azimuth_deg is None or data.pitch_deg is None or data.roll_deg is None:
+        return None
+    return rig_poses(data.azimuth_deg, data.pitch_deg, data.roll_deg)
 
 
 def common_poses(attitudes_deg: ArrayLike, readings: NDArray[np.float64]) -> RigPoses:

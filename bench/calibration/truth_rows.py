@@ -1,7 +1,7 @@
 """Normal equations of the rig's model at the parameters of many units.
 
 Parameters in order: magnetometer's W by rows and b, field azimuth, dip; accelerometer's W by
-rows and b, base level north and east (angles in rad): 28, or 14 without an accelerometer.
+rows and b, base level north and east (angles in rad): 28, or 14 of one sensor alone.
 
 With D the sensors' variances and P (6 x 3) the derivative of a pose's readings by its three rig
 angles times their standard deviation, the inverse of D + P P^T is
@@ -11,6 +11,7 @@ D^-1 - D^-1 P (1 + P^T D^-1 P)^-1 P^T D^-1: only 3 x 3 matrices are factorised.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -23,20 +24,37 @@ if TYPE_CHECKING:
 DOWN: Final = np.array([0.0, 0.0, 1.0])
 
 
+class Triad(Enum):
+    """One of the module's two triads."""
+
+    MAGNETOMETER = "magnetometer"
+    ACCELEROMETER = "accelerometer"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TruthModel:
-    """What all units share: poses, field strength and noise; accel_sd None without one."""
+    """What all units share: poses, field strength and noise; a sensor that is not there has None.
+
+    Without an accelerometer the base counts as level.
+    """
 
     poses: RigPoses
     strength: float
-    field_sd: float
+    field_sd: float | None
     accel_sd: float | None
     rig_sd_rad: float
 
     @property
-    def sensors(self) -> int:
-        """Number of sensors, 1 or 2."""
-        return 1 if self.accel_sd is None else 2
+    def sensors(self) -> tuple[Triad, ...]:
+        """Return the sensors, each with 14 parameters, in their order."""
+        given = zip(Triad, (self.field_sd, self.accel_sd), strict=True)
+        return tuple(sensor for sensor, sd in given if sd is not None)
+
+    @property
+    def weight(self) -> NDArray[np.float64]:
+        """Return 1/sd of a pose's readings, shape (e,)."""
+        found = [sd for sd in (self.field_sd, self.accel_sd) if sd is not None]
+        return 1.0 / np.repeat(found, 3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -72,7 +90,7 @@ def truth_normal(
     model : TruthModel
     parameters : ndarray, shape (b, 28) or (b, 14)
     raw : ndarray, shape (b, n, 6) or (b, n, 3)
-        Readings: magnetometer, then accelerometer.
+        Readings of the model's sensors, magnetometer first.
     """
     rows = truth_rows(model, parameters)
     residual = raw - rows.modelled
@@ -105,28 +123,31 @@ def truth_information(model: TruthModel, parameters: NDArray[np.float64]) -> NDA
 def truth_rows(model: TruthModel, parameters: NDArray[np.float64]) -> TruthRows:
     """Return the model's readings and their derivatives at parameters, shape (b, p)."""
     units, count = len(parameters), len(model.poses.body_from_rig)
-    equations = 3 * model.sensors
+    equations = 3 * len(model.sensors)
     jacobian = np.zeros((units, count, equations, parameters.shape[1]))
     modelled = np.empty((units, count, equations))
     rig = np.empty((units, count, equations, 3))
     back = _rig_from_ned(model, parameters)
-    for sensor in range(model.sensors):
-        rows = slice(3 * sensor, 3 * sensor + 3)
-        at = 14 * sensor
-        across = np.swapaxes(parameters[:, at : at + 9].reshape(-1, 3, 3), 1, 2)
+    for place, sensor in enumerate(model.sensors):
+        rows = slice(3 * place, 3 * place + 3)
+        at = 14 * place
+        across = np.swapaxes(gain_of(parameters, place), 1, 2)
         vector, changes = _direction(model, parameters, sensor, back)
         vectors = _turned(model, vector)
         for axis in range(3):
-            jacobian[:, :, 3 * sensor + axis, at + 3 * axis : at + 3 * axis + 3] = vectors
-            jacobian[:, :, 3 * sensor + axis, at + 9 + axis] = 1.0
+            jacobian[:, :, 3 * place + axis, at + 3 * axis : at + 3 * axis + 3] = vectors
+            jacobian[:, :, 3 * place + axis, at + 9 + axis] = 1.0
         for column, change in changes:
             jacobian[:, :, rows, column] = _turned(model, change) @ across
         modelled[..., rows] = vectors @ across + parameters[:, None, at + 9 : at + 12]
         turns = np.cross(vectors[:, :, None, :], model.poses.axes_body)
         rig[:, :, rows] = np.swapaxes(turns @ across[:, None], 2, 3) * model.rig_sd_rad
-    accel_sd = 1.0 if model.accel_sd is None else model.accel_sd
-    weight = 1.0 / np.repeat([model.field_sd, accel_sd], 3)[:equations]
-    return TruthRows(modelled=modelled, jacobian=jacobian, rig=rig, weight=weight)
+    return TruthRows(modelled=modelled, jacobian=jacobian, rig=rig, weight=model.weight)
+
+
+def gain_of(parameters: NDArray[np.float64], place: int) -> NDArray[np.float64]:
+    """Return W, shape (b, 3, 3), of the sensor at a place in the model's order."""
+    return parameters[:, 14 * place : 14 * place + 9].reshape(-1, 3, 3)
 
 
 def _rig_factor(rows: TruthRows) -> NDArray[np.float64]:
@@ -139,9 +160,9 @@ def _rig_factor(rows: TruthRows) -> NDArray[np.float64]:
 def _rig_from_ned(model: TruthModel, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the turn by which the base is out of level, shape (b, 3, 3), by Rodrigues' formula."""
     units = len(parameters)
-    if model.sensors == 1:
+    if Triad.ACCELEROMETER not in model.sensors:
         return np.broadcast_to(np.eye(3), (units, 3, 3))
-    north, east = parameters[:, 26], parameters[:, 27]
+    north, east = parameters[:, -2], parameters[:, -1]
     angle = np.hypot(north, east)
     cross = np.zeros((units, 3, 3))
     cross[:, 0, 2], cross[:, 2, 0] = east, -east
@@ -152,11 +173,11 @@ def _rig_from_ned(model: TruthModel, parameters: NDArray[np.float64]) -> NDArray
 
 
 def _direction(
-    model: TruthModel, parameters: NDArray[np.float64], sensor: int, back: NDArray[np.float64]
+    model: TruthModel, parameters: NDArray[np.float64], sensor: Triad, back: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], list[tuple[int, NDArray[np.float64]]]]:
     """Return a sensor's vector in the rig's frame, (b, 3), and its changes by column."""
     changes: list[tuple[int, NDArray[np.float64]]] = []
-    if sensor == 1:
+    if sensor is Triad.ACCELEROMETER:
         vector = -back @ DOWN
     else:
         azimuth, dip = parameters[:, 12], parameters[:, 13]
@@ -167,8 +188,9 @@ def _direction(
         stacked[:, 2] = np.stack([sd, 0.0 * sd, cd], axis=1)
         rig = model.strength * (back @ stacked)
         vector, changes = rig[..., 0], [(12, rig[..., 1]), (13, rig[..., 2])]
-    if model.sensors == 2:
-        changes += [(26 + axis, np.cross(vector, np.eye(3)[axis])) for axis in (0, 1)]
+    if Triad.ACCELEROMETER in model.sensors:
+        base = parameters.shape[1] - 2
+        changes += [(base + axis, np.cross(vector, np.eye(3)[axis])) for axis in (0, 1)]
     return vector, changes
 
 

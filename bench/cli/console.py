@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import sys
 from contextlib import suppress
-from typing import TYPE_CHECKING, Final, TextIO
+from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from rich.console import Console
 from rich.panel import Panel
 from rich.text import Text
 
 from bench.acceptance.outcome import Outcome
+from bench.acceptance.verdict import last_attempts
 from bench.cli.limit_bar import limit_bar, limits_text
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
     from bench.acceptance.measurement import Measurement
@@ -35,6 +37,8 @@ _SHAPES: Final = {
     Outcome.ERROR: "[!!]",
 }
 _NEWS_EVERY: Final = 0.5
+LARGEST: Final = ("level_max", "tilt_max", "achieved_level_max", "achieved_tilt_max")
+"""Measurements of which the banner tells how sure they are."""
 
 
 class ConsoleProgress:
@@ -115,9 +119,29 @@ class _OpenConsole(Console):
         raise BrokenPipeError
 
 
-def print_verdict(verdict: Verdict, serial: str, folder: Path | None) -> None:
-    """Print the banner, the reason, the next action and where the record is."""
+def print_verdict(
+    verdict: Verdict,
+    serial: str,
+    folder: Path | None,
+    *,
+    measurements: Iterable[Measurement] = (),
+    record: Mapping[str, Any] | None = None,
+) -> None:
+    """Print the methods, the banner, the reason, the next action and where the record is.
+
+    Parameters
+    ----------
+    measurements : iterable of Measurement
+        Judged; the largest heading errors among them are told with U and conformity.
+    record : mapping, optional
+        Its methods are told in a short table; without it there is none.
+    """
     console = _OpenConsole(highlight=False)
+    if record is not None:
+        from bench.cli.method_table import method_table  # numpy and scipy come with it
+
+        for line in method_table(record):
+            console.print(Text(line, style="dim"), soft_wrap=True)
     style = STYLES[verdict.outcome]
     text = Text(justify="center")
     text.append(
@@ -125,6 +149,8 @@ def print_verdict(verdict: Verdict, serial: str, folder: Path | None) -> None:
         style=f"bold {style}",
     )
     text.append(f"{serial}\n{verdict.reason}\n")
+    for line in certainty_lines(measurements):
+        text.append(f"{line}\n", style="dim")
     text.append(verdict.next_action, style="bold")
     console.print(Panel(text, border_style=style, width=min(100, console.width)))
     if folder is not None:
@@ -135,6 +161,26 @@ def print_verdict(verdict: Verdict, serial: str, folder: Path | None) -> None:
         ):
             if (folder / name).exists():
                 console.print(f"{what:<32}{folder / name}", soft_wrap=True)
+
+
+def certainty_lines(measurements: Iterable[Measurement]) -> list[str]:
+    """Return a line for each largest heading error whose uncertainty is known: U and conformity.
+
+    ``level max 0.221 deg, U 0.09: inside 0.5 deg with 99.9 %``
+    """
+    from bench.record.certainty import probability_words  # the drawings of the report come with it
+
+    lines = []
+    for measurement in last_attempts(measurements):
+        limit, probability = measurement.limit, measurement.conformity
+        if measurement.name not in LARGEST or limit is None or probability is None:
+            continue
+        name, u = measurement.name.replace("_", " "), limit.uncertainty
+        lines.append(
+            f"{name} {measurement.value:.3f} {limit.unit}, U {u:.2g}: inside {limit.high:g} "
+            f"{limit.unit} with {probability_words(probability)}"
+        )
+    return lines
 
 
 def _value(value: float) -> str:

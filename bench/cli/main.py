@@ -48,21 +48,51 @@ def run(  # noqa: PLR0913 - one parameter an option of the command line
     replay: options.Replay = None,
     *,
     json: options.Json = False,
-    realtime: Annotated[
-        bool, typer.Option("--realtime", help="Hold the simulated clock to the wall clock.")
-    ] = False,
-    no_input: Annotated[
-        bool, typer.Option("--no-input", help="Never ask; a prompt is an error.")
-    ] = False,
-    dashboard: Annotated[
-        bool, typer.Option("--dashboard/--no-dashboard", help="Write run.rrd at the end.")
-    ] = True,
+    realtime: options.Realtime = False,
+    no_input: options.NoInput = False,
+    dashboard: options.Dashboard = True,
 ) -> None:
     """Run a procedure on one unit; exit 0 PASS, 1 FAIL, 3 MARGINAL, 4 ERROR."""
     given = {**locals(), "faults": tuple(faults or ())}  # options by their names in RunRequest
     from bench.cli.run_command import RunRequest, run_procedure
 
     raise typer.Exit(run_procedure(RunRequest(**given)))
+
+
+@app.command()
+def verify(  # noqa: PLR0913 - one parameter an option of the command line
+    golden: Annotated[
+        str | None,
+        typer.Option("--golden", help="Serial number of the golden unit; else the station file's."),
+    ] = None,
+    interface: options.Interface = None,
+    channel: options.Channel = None,
+    bitrate: options.Bitrate = 500_000,
+    rig_interface: options.RigInterface = None,
+    rig_channel: options.RigChannel = None,
+    site: options.Site = None,
+    limits: options.Limits = None,
+    out: options.Out = Path("runs"),
+    seed: options.Seed = 1,
+    faults: options.Faults = None,
+    nvm: options.Nvm = None,
+    write: Annotated[
+        Path | None, typer.Option("--write", help="Station file to write with what was found.")
+    ] = None,
+    *,
+    json: options.Json = False,
+    realtime: options.Realtime = False,
+    no_input: options.NoInput = False,
+    dashboard: options.Dashboard = True,
+) -> None:
+    """Verify the bench by reversal of a golden unit; exit 0 verified, 5 not verified."""
+    given = {**locals(), "faults": tuple(faults or ())}  # options by their names in RunRequest
+    from bench.cli.run_command import RunRequest
+    from bench.cli.verify_command import VerifyRequest, verify_bench
+
+    path, serial = given.pop("write"), given.pop("golden")
+    run = RunRequest(procedure="bench_verify", serial=serial, **given)
+    raise typer.Exit(verify_bench(VerifyRequest(run=run, write=path)))
 
 
 @app.command()

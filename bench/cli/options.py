@@ -56,6 +56,13 @@ Site = Annotated[
 Limits = Annotated[
     Path | None, typer.Option("--limits", help="Limits file instead of the procedure's.")
 ]
+Realtime = Annotated[
+    bool, typer.Option("--realtime", help="Hold the simulated clock to the wall clock.")
+]
+NoInput = Annotated[bool, typer.Option("--no-input", help="Never ask; a prompt is an error.")]
+Dashboard = Annotated[
+    bool, typer.Option("--dashboard/--no-dashboard", help="Write run.rrd at the end.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder for the records of runs.")]
 FieldUnit = Annotated[

@@ -39,7 +39,11 @@ def show_plan(
     """
     files = load_run_files(procedure, site=site, limits=limits)
     plan = files.plan
-    load_percent = expected_load_percent(with_rig=files.procedure.uses_rig, bitrate=bitrate)
+    load_percent = expected_load_percent(
+        with_rig=files.procedure.uses_rig,
+        with_reference=files.station.reference is not None,
+        bitrate=bitrate,
+    )
     require_load(load_percent)
     predicted = predictions(files.procedure, files.station)
     if json:
@@ -77,11 +81,15 @@ def _print_plan(plan: Plan, load_percent: float, predicted: list[Prediction]) ->
     console.print(table)
     steps = Table("step", "kind", "positions", "time")
     for step in plan.steps:
-        steps.add_row(step.name, step.kind, str(step.poses), f"{step.duration_s:.1f} s")
+        most = f", at most {step.most_poses}" if step.most_poses > step.poses else ""
+        longest = f", at most {step.longest_s:.1f} s" if most else ""
+        seconds = f"{step.duration_s:.1f} s{longest}"
+        steps.add_row(step.name, step.kind, f"{step.poses}{most}", seconds)
     console.print(steps)
+    longest = f" (at most {plan.longest_s:.0f} s)" if plan.longest_s > plan.duration_s else ""
     console.print(
         f"{plan.procedure} {plan.version}: {len(plan.moves)} positions, {plan.samples} samples, "
-        f"{plan.duration_s:.0f} s; cable winds from {plan.wound_low_deg:.0f} to "
+        f"{plan.duration_s:.0f} s{longest}; cable winds from {plan.wound_low_deg:.0f} to "
         f"{plan.wound_high_deg:.0f} deg; bus load at worst {load_percent:.0f} %",
         soft_wrap=True,
     )

@@ -46,7 +46,8 @@ def judge_run(folder: Path, *, limits: Path | None, json: bool) -> int:
     progress = ConsoleProgress()
     for measurement in judged.measurements:
         progress.measured(measurement)
-    print_verdict(judged.verdict, str(read_record(folder)["run"]["serial"]), None)
+    serial = str(read_record(folder)["run"]["serial"])
+    print_verdict(judged.verdict, serial, None, measurements=judged.measurements)
     typer.echo(f"recorded verdict: {judged.recorded or 'none, the run was cut off'}")
     if judged.differing:
         typer.echo(f"differ from the record: {', '.join(judged.differing)}")

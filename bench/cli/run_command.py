@@ -24,7 +24,9 @@ from bench.module import Module
 from bench.pairing import LatencyEstimate
 from bench.plan import predictions, require_observable
 from bench.procedure_loader import procedure_path
+from bench.record.entries import measurement_of
 from bench.record.recorder import RunRecorder
+from bench.reference import Reference
 from bench.rig import Rig
 from bench.run_context import RunContext
 from bench.run_files import RunFiles, load_run_files
@@ -68,8 +70,23 @@ class RunRequest:
     quiet: bool = False
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FinishedRun:
+    """A run that has its verdict and its record."""
+
+    exit_code: int
+    serial: str
+    recorder: RunRecorder
+    verdict: Verdict
+
+
 def run_procedure(request: RunRequest) -> int:
-    """Run a procedure, print its verdict and return the exit code.
+    """Run a procedure, print its verdict and return the exit code; raises as `finished_run`."""
+    return finished_run(request).exit_code
+
+
+def finished_run(request: RunRequest) -> FinishedRun:
+    """Run a procedure and print its verdict.
 
     Raises
     ------
@@ -99,26 +116,36 @@ def run_procedure(request: RunRequest) -> int:
         finally:
             run_bus.close()
         _show(request, serial, recorder, verdict)
+    code = verdict.outcome.exit_code
     if cancel.signal_number is not None:
-        return Aborted(cancel.signal_number).exit_code
-    return verdict.outcome.exit_code
+        code = Aborted(cancel.signal_number).exit_code
+    return FinishedRun(exit_code=code, serial=serial, recorder=recorder, verdict=verdict)
 
 
-def _not_started(request: RunRequest, serial: str, files: RunFiles, fault: BenchError) -> int:
+def _not_started(
+    request: RunRequest, serial: str, files: RunFiles, fault: BenchError
+) -> FinishedRun:
     """Leave a record of a run that could not start."""
     recorder = _recorder(request, serial, files, MonotonicClock(), virtual=False)
     name = FAULT_NAMES.get(type(fault), OTHER_FAULT)
     verdict = replace(verdict_of([], error=str(fault)), first_failure=name)
     recorder.close(verdict)
     _show(request, serial, recorder, verdict)
-    return verdict.outcome.exit_code
+    code = verdict.outcome.exit_code
+    return FinishedRun(exit_code=code, serial=serial, recorder=recorder, verdict=verdict)
 
 
 def _show(request: RunRequest, serial: str, recorder: RunRecorder, verdict: Verdict) -> None:
     if request.json:
         typer.echo(json_module.dumps(recorder.record, indent=1, allow_nan=False))
     elif not request.quiet:
-        print_verdict(verdict, serial, recorder.folder)
+        print_verdict(
+            verdict,
+            serial,
+            recorder.folder,
+            measurements=map(measurement_of, recorder.record["measurements"]),
+            record=recorder.record,
+        )
 
 
 def _serial(request: RunRequest) -> str:
@@ -194,7 +221,9 @@ def _context(
     bus.add_sink(traffic)
     module = Module(bus)
     rig = Rig(bus) if files.procedure.uses_rig else None
-    samples = SampleLog(recorder.path("samples.parquet"), module, rig)
+    sensor = files.station.reference
+    reference = None if sensor is None else Reference(bus, sensor.address)
+    samples = SampleLog(recorder.path("samples.parquet"), module, rig, reference=reference)
     latency = LatencyEstimate() if bus.mode == "free" and rig is not None else None
     if latency is not None:
         samples.add_sink(latency)
@@ -208,6 +237,7 @@ def _context(
         procedure=files.procedure,
         serial=serial,
         rig=rig,
+        reference=reference,
         ask=None if request.no_input or not sys.stdin.isatty() else partial(_ask, bus),
     )
     if not (request.json or request.quiet):

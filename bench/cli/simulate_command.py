@@ -70,6 +70,7 @@ def simulator_options(
             horizontal_mg=station.horizontal_mg,
             dip_deg=station.dip_deg,
             declination_deg=station.declination_deg,
+            reference_address=station.reference.address if station.reference else None,
         )
     except (ValueError, OSError) as error:
         raise refused(error) from error

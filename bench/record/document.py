@@ -9,10 +9,13 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
+from pydantic import Field, Strict, ValidationError, model_validator
 
 from bench.acceptance.outcome import Outcome  # noqa: TC001
 from bench.errors import ConfigError
+from bench.record.bridge_section import BridgeTermEntry  # noqa: TC001
+from bench.record.section import OpenSection, StrictSection
+from bench.record.uncertainty_section import UncertaintySection
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -24,17 +27,7 @@ Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Matrix = Annotated[list[Vector], Field(min_length=3, max_length=3)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, populate_by_name=True)
-
-
-class _Open(BaseModel):
-    """A section to which a bench may add its own entries."""
-
-    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
-
-
-class RunSection(_Strict):
+class RunSection(StrictSection):
     """What was run, when, how long. `id` names what was run; with `started_utc` it is unique."""
 
     id: str
@@ -50,7 +43,7 @@ class RunSection(_Strict):
     status: Literal["running", "complete", "aborted", "error"] = "running"
 
 
-class SoftwareSection(_Open):
+class SoftwareSection(OpenSection):
     """The software that measured and judged."""
 
     version: str = ""
@@ -59,7 +52,7 @@ class SoftwareSection(_Open):
     sha256: str = ""
 
 
-class ConfigSection(_Open):
+class ConfigSection(OpenSection):
     """The files that the run was held against."""
 
     procedure_sha256: str = ""
@@ -69,7 +62,7 @@ class ConfigSection(_Open):
     station_sha256: str = ""
 
 
-class BusSection(_Open):
+class BusSection(OpenSection):
     """The bus and what was lost on it."""
 
     interface: str | None = None
@@ -85,7 +78,7 @@ class BusSection(_Open):
     e2e: dict[str, Any] = {}
 
 
-class StationSection(_Open):
+class StationSection(OpenSection):
     """What the bench holds for true, with uncertainties as further `u_` entries."""
 
     name: str = ""
@@ -95,7 +88,7 @@ class StationSection(_Open):
     field_azimuth_deg: float | None = None
 
 
-class ModuleSection(_Open):
+class ModuleSection(OpenSection):
     """The unit, as it names itself."""
 
     serial: str | None = None
@@ -107,7 +100,7 @@ class ModuleSection(_Open):
     synthesised: bool | None = None
 
 
-class PoseEntry(_Strict):
+class PoseEntry(StrictSection):
     """One dwell, as it was commanded."""
 
     position: int
@@ -119,7 +112,7 @@ class PoseEntry(_Strict):
     attempt: int = 1
 
 
-class StepEntry(_Strict):
+class StepEntry(StrictSection):
     """One attempt of one step."""
 
     name: str
@@ -131,8 +124,12 @@ class StepEntry(_Strict):
     attempt: int = 1
 
 
-class MeasurementEntry(_Strict):
-    """One measurement with its limits; `value` is null where it could not be measured."""
+class MeasurementEntry(StrictSection):
+    """One measurement with its limits; `value` is null where it could not be measured.
+
+    `rule`, `tur` and `conformity` are the decision rule, the test uncertainty ratio and the
+    conformity probability (JCGM 106), null where they do not apply.
+    """
 
     name: str
     step: str
@@ -142,6 +139,9 @@ class MeasurementEntry(_Strict):
     high: float | None
     uncertainty: float | None
     guard_band: float | None
+    rule: str | None = None
+    tur: float | None = None
+    conformity: float | None = None
     outcome: Outcome | None
     missed: Outcome | None
     description: str
@@ -151,7 +151,7 @@ class MeasurementEntry(_Strict):
     note: str
 
 
-class AchievedHeading(_Strict):
+class AchievedHeading(StrictSection):
     """Heading error of one method's coefficients on the verification poses."""
 
     level_rms_deg: float | None = None
@@ -160,7 +160,7 @@ class AchievedHeading(_Strict):
     tilt_max_deg: float | None = None
 
 
-class FitEntry(_Strict):
+class FitEntry(StrictSection):
     """Result of one calibration method; a refused one has a cause and no coefficients."""
 
     method: str
@@ -175,6 +175,7 @@ class FitEntry(_Strict):
     field_mg: float | None
     dip_deg: float | None
     extended_dip_deg: Annotated[float, Strict(), Field(gt=-90.0, lt=90.0)] | None = None
+    hk_mg: Vector | None = None
     parameters: list[str]
     covariance: list[list[float | None]] | None
     residual_rms_mg: float | None
@@ -200,18 +201,81 @@ class FitEntry(_Strict):
         return self
 
 
-class StudySection(_Strict):
+class ReadingNoise(StrictSection):
+    """RMS heading error that the noise of one pose's reading alone makes."""
+
+    level_deg: float | None = None
+    tilt_deg: float | None = None
+
+
+class StudySection(StrictSection):
     """All methods on the verification poses: raw readings beside each method in each order.
 
-    `tilt_from` says whose accelerometer coefficients a method used (`ranking.Study`).
+    `tilt_from` says whose accelerometer coefficients a method used (`ranking.Study`). `expected`
+    is what the unit's model said of raw readings and of every method before the verification
+    (`expectation`), null where there was no model; `claim_without` what a method's own predicted
+    error leaves out.
     """
 
     raw: AchievedHeading = AchievedHeading()
     tilt_from: dict[str, str] = {}
     orders: dict[str, dict[str, AchievedHeading]] = {}
+    expected: dict[str, AchievedHeading] | None = None
+    expected_noise: ReadingNoise = ReadingNoise()
+    claim_without: dict[str, str] = {}
 
 
-class VerdictSection(_Strict):
+class ClaimEntry(StrictSection):
+    """What the coefficients of the poses so far were claimed to be worth, after one pose."""
+
+    position: int
+    poses: int
+    largest_deg: float
+    sigma: float
+
+
+class AdaptiveSection(StrictSection):
+    """Poses that went on until the claimed heading error was small enough, and why they ended."""
+
+    wanted_deg: float | None = None
+    ended: Literal["", "wanted_reached", "most_poses", "fit_refused"] = ""
+    claims: list[ClaimEntry] = []
+
+
+class SpoiledEntry(StrictSection):
+    """A dwell that a change of the field spoiled; `repeated_as` is the dwell in its place."""
+
+    position: int
+    step: str
+    change_mg: float
+    source: Literal["reference", "sentinel"]
+    repeated_as: int | None = None
+
+
+class SentinelEntry(StrictSection):
+    """A visit to a sentinel pose: change of the module's raw field there since its first visit."""
+
+    position: int
+    step: str
+    change_mg: float
+
+
+class FieldWatchSection(StrictSection):
+    """Whether the field was the same through the run, as seen by the source.
+
+    Changes are the largest on any axis: `drift_mg` in the last good dwell, `largest_change_mg` in
+    any, spoiled ones too. Spoiled positions and those of sentinels are used for nothing else.
+    """
+
+    source: Literal["reference", "sentinel", "none"] = "none"
+    baseline_mg: Vector | None = None
+    largest_change_mg: float | None = None
+    drift_mg: float | None = None
+    spoiled: list[SpoiledEntry] = []
+    sentinels: list[SentinelEntry] = []
+
+
+class VerdictSection(StrictSection):
     """The verdict in words."""
 
     outcome: Outcome
@@ -220,7 +284,7 @@ class VerdictSection(_Strict):
     rule: str
 
 
-class RecordDocument(_Strict):
+class RecordDocument(StrictSection):
     """record.json as a whole."""
 
     schema_: Literal["compass-bench/record/1"] = Field(alias="schema")
@@ -237,6 +301,11 @@ class RecordDocument(_Strict):
     fits: list[FitEntry]
     ranking: list[Any]
     study: StudySection = StudySection()
+    bridge_terms: dict[str, BridgeTermEntry] = {}
+    adaptive: AdaptiveSection = AdaptiveSection()
+    uncertainty: UncertaintySection = UncertaintySection()
+    field_watch: FieldWatchSection = FieldWatchSection()
+    reversal: dict[str, Any] = {}
     coefficients: dict[str, Any]
     deviation: dict[str, dict[str, Any]]
     first_failure: str | None

@@ -29,8 +29,11 @@ def measurement_entry(measurement: Measurement) -> dict[str, Any]:
         "unit": measurement.unit,
         "low": limit.low if limit else None,
         "high": limit.high if limit else None,
-        "uncertainty": limit.uncertainty if limit else None,
+        "uncertainty": limit.uncertainty if limit else plain(measurement.uncertainty),
         "guard_band": limit.guard_band if limit else None,
+        "rule": measurement.rule or None,
+        "tur": plain(measurement.tur),
+        "conformity": plain(measurement.conformity),
         "outcome": plain(measurement.outcome),
         "missed": plain(limit.missed) if limit else None,
         "description": limit.description if limit else "",
@@ -54,6 +57,11 @@ def measurement_of(entry: Mapping[str, Any]) -> Measurement:
         attempt=entry["attempt"],
         from_samples=entry["from_samples"],
         note=entry["note"],
+        uncertainty=entry["uncertainty"] or None,
+        # records of before the computed uncertainty do not name them
+        tur=entry.get("tur"),
+        conformity=entry.get("conformity"),
+        rule=entry.get("rule") or "",
     )
 
 
@@ -144,6 +152,8 @@ def coefficients_of(entry: Mapping[str, Any]) -> Coefficients:
             # records of before the two-axis module do not name them
             extended_dip_deg=float(entry.get("extended_dip_deg", 0.0)),
             horizontal_mg=float(entry.get("horizontal_mg", 0.0)),
+            # nor did those of before the cross-axis term
+            hk_mg=_flat(entry.get("hk_mg", [0.0, 0.0, 0.0])),
         )
     except (KeyError, TypeError, ValueError) as error:
         message = f"coefficients of the record must be a whole set; instead {error} is wrong there"

@@ -78,7 +78,11 @@ def _judge_case(case: ET.Element, measurement: Measurement) -> None:
         "unit": measurement.unit,
         "low": limit.low if limit else None,
         "high": limit.high if limit else None,
-        "uncertainty": limit.uncertainty if limit else None,
+        "uncertainty": limit.uncertainty if limit else measurement.uncertainty,
+        "guard_band": limit.guard_band if limit else None,
+        "rule": measurement.rule or None,
+        "tur": measurement.tur,
+        "conformity": measurement.conformity,
         "outcome": measurement.outcome,
     }
     for name, value in values.items():

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from bench.record.svg import circle, diamond, frame, line, polyline, words
+from bench.record.method_study import CLAIM_COVERS
+from bench.record.svg import circle, diamond, frame, line, polygon, polyline, words
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
     from bench.record.method_study import MethodRow, OrderRow
-    from bench.record.swing import HeadingPoint
+    from bench.record.swing import ExpectedPoint, HeadingPoint
 
 SMALLEST_DEG: Final = 0.05
 LARGEST_DEG: Final = 60.0
@@ -22,6 +23,9 @@ _DECADES: Final = (0.1, 1.0, 10.0)
 _MARGIN: Final = 8.0
 _DOTS_WIDTH: Final = 206.0
 _ROW: Final = 16.0
+_LANES: Final = {"level": 7.0, "tilt": 18.0}
+_TWO_LANES: Final = 25.0
+"""Height of a strip with a lane of level and one of tilted errors, and where these lie."""
 _BEND_DEG: Final = 0.02
 """Where the axis of a panel turns from linear to logarithmic."""
 _TOPS_DEG: Final = (1.0, 3.0, 10.0, 30.0, 60.0, 180.0)
@@ -37,22 +41,32 @@ def error_scale() -> Markup:
 
 
 def error_dots(row: MethodRow, limits_deg: Mapping[str, float]) -> Markup:
-    """Return a method's largest errors, level and tilted, on the logarithmic scale.
+    """Return a method's largest errors, level above tilted, on the logarithmic scale.
+
+    A bar is the method's own claim on the poses that it covers, a hollow mark the expected
+    error, a filled one what was achieved.
 
     Parameters
     ----------
     limits_deg : mapping
         Upper limits under "level" and "tilted", where there are such limits.
     """
-    parts = _scale_lines()
-    for name, limit_deg in limits_deg.items():
-        x = _scale_x(limit_deg)
-        parts.append(line(x, 1.0, x, _ROW - 1.0, f"limit {name}"))
-    ends = [_scale_x(v) for v in (row.level_max_deg, row.tilt_max_deg) if v is not None]
-    if len(ends) == 2:
-        parts.append(line(ends[0], _ROW / 2, ends[1], _ROW / 2, "between"))
-    parts += _marks(row.level_max_deg, row.tilt_max_deg)
-    return frame(_DOTS_WIDTH, _ROW, f"{row.name}: largest heading errors", parts, "dots")
+    parts = [line(_scale_x(v), 0.0, _scale_x(v), _TWO_LANES, "grid") for v in _DECADES]
+    for kind, achieved_deg in (("level", row.level_max_deg), ("tilt", row.tilt_max_deg)):
+        y = _LANES[kind]
+        name = "tilted" if kind == "tilt" else kind
+        parts.append(line(_MARGIN, y, _DOTS_WIDTH - _MARGIN, y, "track"))
+        if name in limits_deg:
+            x = _scale_x(limits_deg[name])
+            parts.append(line(x, y - 5.5, x, y + 5.5, f"limit {name}"))
+        parts += _claim(row, kind, y)
+        expected_deg = row.expected.get(f"{kind}_max_deg")
+        if expected_deg is not None and achieved_deg is not None:
+            parts.append(line(_scale_x(expected_deg), y, _scale_x(achieved_deg), y, "between"))
+        parts += _mark(name, expected_deg, y, "expected")
+        parts += _mark(name, achieved_deg, y, "")
+    title = f"{row.name}: largest heading errors claimed, expected and achieved"
+    return frame(_DOTS_WIDTH, _TWO_LANES, title, parts, "dots two")
 
 
 def order_dots(row: OrderRow) -> Markup:
@@ -78,6 +92,7 @@ def order_dots(row: OrderRow) -> Markup:
 def method_panel(
     points: Sequence[HeadingPoint],
     raw: Sequence[HeadingPoint],
+    expected: Sequence[ExpectedPoint] = (),
     *,
     top_deg: float,
     limit_deg: float | None,
@@ -85,8 +100,8 @@ def method_panel(
 ) -> Markup:
     """Return heading error against heading of one method, the curve of `raw` faint behind it.
 
-    The axis is linear next to zero and logarithmic on both sides of it, so that one scale holds
-    all methods.
+    The band is what was expected, two standard deviations wide on each side. The axis is linear
+    next to zero and logarithmic on both sides of it, so that one scale holds all methods.
     """
 
     def x_of(heading_deg: float) -> float:
@@ -99,7 +114,9 @@ def method_panel(
     parts = _panel_axes(x_of, y_of, top_deg)
     for limit in () if limit_deg is None or limit_deg > top_deg else (limit_deg, -limit_deg):
         parts.append(line(_LEFT, y_of(limit), _WIDTH - _RIGHT, y_of(limit), "limit"))
-    for rows, style in ((raw, "curve before"), (points, "curve after" if raw else "curve before")):
+    parts += _band(expected, x_of, y_of)
+    own = () if expected else ((points, "curve after" if raw else "curve before"),)
+    for rows, style in ((raw, "curve before"), *own):
         ordered = sorted(rows, key=lambda p: p.heading_deg)
         path = [(x_of(p.heading_deg), y_of(p.error_deg)) for p in ordered]
         parts += [polyline(path, style)] if len(path) > 2 else []
@@ -148,12 +165,34 @@ def _scale_lines() -> list[str]:
     return [base, *(line(_scale_x(v), 0.0, _scale_x(v), _ROW, "grid") for v in _DECADES)]
 
 
-def _marks(level_deg: float | None, tilt_deg: float | None) -> list[str]:
-    parts = []
-    if tilt_deg is not None:
-        tip = f"tilted {tilt_deg:.3g} deg"
-        parts.append(diamond(_scale_x(tilt_deg), _ROW / 2, 4.5, "mark tilted", tip))
-    if level_deg is not None:
-        tip = f"level {level_deg:.3g} deg"
-        parts.append(circle(_scale_x(level_deg), _ROW / 2, 3.6, "mark level", tip))
-    return parts
+def _mark(name: str, error_deg: float | None, y: float, kind: str) -> list[str]:
+    """Return the mark of a level or a tilted error, hollow where it is the expected one."""
+    if error_deg is None:
+        return []
+    tip = f"{name}{', ' if kind else ''}{kind} {error_deg:.3g} deg"
+    style = f"mark {name}{' other' if kind else ''}"
+    if name == "tilted":
+        return [diamond(_scale_x(error_deg), y, 4.5, style, tip)]
+    return [circle(_scale_x(error_deg), y, 3.6, style, tip)]
+
+
+def _claim(row: MethodRow, kind: str, y: float) -> list[str]:
+    if row.claimed_max_deg is None or kind not in CLAIM_COVERS.get(row.claim_without, ()):
+        return []
+    x = _scale_x(row.claimed_max_deg)
+    return [line(x, y - 5.0, x, y + 5.0, "claim unsaid" if row.unsaid else "claim")]
+
+
+def _band(
+    expected: Sequence[ExpectedPoint],
+    x_of: Callable[[float], float],
+    y_of: Callable[[float], float],
+) -> list[str]:
+    """Return what was expected: a band of two standard deviations, and its middle."""
+    if len(expected) <= 2:
+        return []
+    ordered = sorted(expected, key=lambda p: p.heading_deg)
+    upper = [(x_of(p.heading_deg), y_of(p.error_deg + 2.0 * p.sd_deg)) for p in ordered]
+    lower = [(x_of(p.heading_deg), y_of(p.error_deg - 2.0 * p.sd_deg)) for p in ordered]
+    middle = [(x_of(p.heading_deg), y_of(p.error_deg)) for p in ordered]
+    return [polygon([*upper, *reversed(lower)], "expected"), polyline(middle, "curve expected")]

@@ -12,7 +12,13 @@ from bench.record.method_charts import (
     order_dots,
     panel_top_deg,
 )
-from bench.record.method_study import ORDER_REASON, method_rows, method_words, order_rows
+from bench.record.method_study import (
+    ORDER_REASON,
+    method_rows,
+    method_words,
+    no_model,
+    order_rows,
+)
 from bench.record.recorded_fits import written_method
 
 if TYPE_CHECKING:
@@ -32,12 +38,16 @@ def method_section(
         Limits of the largest heading error under "level" and "tilted", where there are such.
     """
     rows = method_rows(record)
+    study = record.get("study") or {}
     orders = order_rows(record)
     return {
         "methods": [(row, error_dots(row, limits_deg)) for row in rows],
         "level": any(row.level_max_deg is not None for row in rows),
         "tilted": any(row.tilt_max_deg is not None for row in rows),
         "limits_deg": limits_deg,
+        "expected": any(row.expected for row in rows),
+        "noise_deg": (study.get("expected_noise") or {}),
+        "no_model": no_model(record),
         "scale": error_scale(),
         "panels": _panels(swing, limits_deg.get("level"), written_method(record)) if rows else [],
         "orders": [(row, order_dots(row)) for row in orders],
@@ -57,6 +67,7 @@ def _panels(swing: Swing, limit_deg: float | None, written: str | None) -> list[
             "chart": method_panel(
                 points,
                 [] if method == RAW else raw,
+                swing.expected.get(method, []),
                 top_deg=top_deg,
                 limit_deg=limit_deg,
                 title=f"Heading error of {method_words(method)}, level",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from bench.calibration.compensation import Order
+from bench.calibration.expectation import UNIT_MODEL
 from bench.calibration.ranking import GIVEN, OWN, RAW
 from bench.record.recorded_fits import ranked_entries, tilt_source, written_method
 
@@ -34,6 +36,14 @@ ORDER_REASON: Final = (
     "tilted error is large in every order."
 )
 """Why the bench compensates in the order that stands first."""
+CLAIM_COVERS: Final = {
+    "": ("level", "tilt"),
+    "level only": ("level",),
+    "without vertical iron": ("level",),
+}
+"""Poses that a method's own claim is about, by what the claim leaves out; none if not named."""
+UNSAID: Final = 2.0
+"""A method is wrong without saying so beyond this many times its claim and the noise together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +56,17 @@ class MethodRow:
         The method as recorded, and in words.
     cause, message : str
         Why it was refused, in words; empty if it was not.
+    level_rms_deg, level_max_deg, tilt_rms_deg, tilt_max_deg : float or None
+        Achieved on the verification poses.
+    expected : dict
+        The same four by the unit's model before the verification; empty where there is none.
+    claimed_rms_deg, claimed_max_deg : float or None
+        The method's own claim, from its own covariance.
+    claim_without : str
+        What that claim leaves out, in words; empty where it is whole.
+    unsaid : bool
+        Whether the achieved error is more than twice what claim and reading noise explain, on
+        poses that the claim covers: the method is wrong without saying so.
     tilt_from : str
         Whose accelerometer coefficients levelled the readings.
     written : bool
@@ -58,7 +79,11 @@ class MethodRow:
     level_max_deg: float | None = None
     tilt_rms_deg: float | None = None
     tilt_max_deg: float | None = None
-    predicted_rms_deg: float | None = None
+    expected: Mapping[str, float | None] = field(default_factory=dict)
+    claimed_rms_deg: float | None = None
+    claimed_max_deg: float | None = None
+    claim_without: str = ""
+    unsaid: bool = False
     residual_mg: float | None = None
     tilt_from: str = ""
     cause: str = ""
@@ -94,6 +119,17 @@ def method_words(method: str) -> str:
     return _METHODS.get(method, method.replace("_", " "))
 
 
+def error_words(error_deg: float | None) -> str:
+    """Return a heading error in degrees: thousandths below one degree, else three digits.
+
+    >>> error_words(0.0353), error_words(1.4008), error_words(23.54), error_words(None)
+    ('0.035', '1.40', '23.5', '–')
+    """
+    if error_deg is None:
+        return "–"
+    return f"{error_deg:.3f}" if abs(error_deg) < 1.0 else f"{error_deg:#.3g}".rstrip(".")
+
+
 def order_words(order: str) -> str:
     """Return an order of compensation for readers.
 
@@ -110,7 +146,8 @@ def method_rows(record: Mapping[str, Any]) -> list[MethodRow]:
     rows = []
     if record.get("fits") and any(value is not None for value in raw.values()):
         given = GIVEN in (study.get("tilt_from") or {}).values()
-        rows.append(_with_errors(RAW, raw, tilt_from=_TILTS[GIVEN if given else RAW]))
+        row = _with_errors(RAW, raw, tilt_from=_TILTS[GIVEN if given else RAW])
+        rows.append(replace(row, expected=_expected(study, RAW)))
     written = written_method(record)
     rows += [_method_row(entry, record, written) for entry in ranked_entries(record)]
     return rows
@@ -128,12 +165,48 @@ def _method_row(
     row = _with_errors(
         method, entry.get("achieved") or {}, tilt_from=_TILTS.get(source, method_words(source))
     )
-    return replace(
+    study = record.get("study") or {}
+    row = replace(
         row,
-        predicted_rms_deg=entry.get("predicted_heading_rms_deg"),
+        expected=_expected(study, method),
+        claimed_rms_deg=entry.get("predicted_heading_rms_deg"),
+        claimed_max_deg=entry.get("predicted_heading_max_deg"),
+        claim_without=(study.get("claim_without") or {}).get(method, ""),
         residual_mg=entry.get("residual_rms_mg"),
         written=method == written,
     )
+    return replace(row, unsaid=_unsaid(row, study))
+
+
+def no_model(record: Mapping[str, Any]) -> str:
+    """Return why there is no expected error, in words; empty where there is one."""
+    study = record.get("study") or {}
+    if study.get("expected"):
+        return ""
+    entries = {str(entry["method"]): entry for entry in record.get("fits", [])}
+    model = entries.get(UNIT_MODEL)
+    if model is None:
+        return f"the run fitted no model of the unit ({method_words(UNIT_MODEL)})"
+    if model.get("cause"):
+        return f"the model of the unit ({method_words(UNIT_MODEL)}) was refused"
+    return "the record has none"
+
+
+def _expected(study: Mapping[str, Any], method: str) -> dict[str, float | None]:
+    return dict((study.get("expected") or {}).get(method) or {})
+
+
+def _unsaid(row: MethodRow, study: Mapping[str, Any]) -> bool:
+    """Return whether a method is wrong beyond its claim; never where noise is not known."""
+    noise = study.get("expected_noise") or {}
+    achieved_deg = {"level": row.level_rms_deg, "tilt": row.tilt_rms_deg}
+    for kind in CLAIM_COVERS.get(row.claim_without, ()):
+        noise_deg, rms_deg = noise.get(f"{kind}_deg"), achieved_deg[kind]
+        if row.claimed_rms_deg is None or noise_deg is None or rms_deg is None:
+            continue
+        if rms_deg > UNSAID * math.hypot(row.claimed_rms_deg, noise_deg):
+            return True
+    return False
 
 
 def _with_errors(method: str, errors: Mapping[str, Any], *, tilt_from: str) -> MethodRow:

@@ -1,10 +1,11 @@
-"""Values as JSON has them: no NaN, no numpy, no enum."""
+"""Values as JSON has them: no NaN, no numpy, no enum, no date."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 from collections.abc import Mapping
+from datetime import date
 from enum import Enum
 from pathlib import PurePath
 
@@ -32,6 +33,8 @@ def plain(value: object) -> object:  # noqa: PLR0911
         return float(value) if math.isfinite(value) else None
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
+    if isinstance(value, date):
+        return value.isoformat()
     if isinstance(value, PurePath):
         return str(value)
     if isinstance(value, bytes):

@@ -7,14 +7,20 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from bench.acceptance.method_comparison import comparison_data
 from bench.calibration.compensation import compensated_heading_deg
+from bench.calibration.expectation import expected_errors
 from bench.calibration.fit import Fit
 from bench.calibration.ranking import GIVEN, OWN, RAW
+from bench.record.spoiled_poses import used_in_order
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from numpy.typing import NDArray
+
+    from bench.acceptance.site import SiteField
+    from bench.calibration.expectation import PoseErrors
 
 VERIFIED_KINDS: Final = ("verify", "compare")
 """Kinds of steps whose poses no method has fitted."""
@@ -32,11 +38,14 @@ class RecordedFits:
         By method, the fit that lends its accelerometer coefficients; None for its own or raw.
     given : bool
         Whether the methods were compared with the rig's tilt in place of the measured one.
+    expected : bool
+        Whether the record says what errors were to be expected.
     """
 
     by_method: dict[str, Fit]
     tilts: dict[str, Fit | None]
     given: bool = False
+    expected: bool = False
 
     def heading_deg(
         self, method: str, field_mg: NDArray[np.float64], rows: NDArray[np.void]
@@ -66,6 +75,16 @@ class RecordedFits:
         field_mg = np.asarray(readings["field_mg"], dtype=float)
         return {m: self.heading_deg(m, field_mg, readings) for m in (RAW, *self.by_method)}
 
+    def expected_errors(self, readings: NDArray[np.void], site: SiteField) -> dict[str, PoseErrors]:
+        """Return the errors that were to be expected of raw and of each method at READINGs.
+
+        Empty where the record has none.
+        """
+        if not self.expected or not len(readings):
+            return {}
+        data = comparison_data(readings, site, self.by_method)
+        return expected_errors(self.by_method, data) or {}
+
 
 def recorded_fits(record: Mapping[str, Any]) -> RecordedFits:
     """Return the fits of a record that were not refused, each with the tilt it was compared with.
@@ -82,6 +101,7 @@ def recorded_fits(record: Mapping[str, Any]) -> RecordedFits:
         by_method=fits,
         tilts={method: fits.get(sources[method]) for method in fits},
         given=GIVEN in sources.values(),
+        expected=bool((record.get("study") or {}).get("expected")),
     )
 
 
@@ -94,7 +114,7 @@ def tilt_source(record: Mapping[str, Any], entry: Mapping[str, Any]) -> str:
 
 
 def fit_of(entry: Mapping[str, Any]) -> Fit:
-    """Return the coefficients of a record's fit; what only judges the fit is left out."""
+    """Return a record's fit with what it says of the unit; what only judges the fit is left out."""
 
     def array(key: str) -> NDArray[np.float64] | None:
         return None if entry.get(key) is None else np.asarray(entry[key], dtype=float)
@@ -102,13 +122,20 @@ def fit_of(entry: Mapping[str, Any]) -> Fit:
     extra = {key: float(v) for key, v in (entry.get("extra") or {}).items() if v is not None}
     return Fit(
         method=str(entry["method"]),
+        samples=int(entry.get("samples") or 0),
         offset_mg=array("offset_mg"),
         matrix=array("matrix"),
         accel_offset_g=array("accel_offset_g"),
         accel_matrix=array("accel_matrix"),
         accel_from=str(entry.get("accel_from", "")),
+        field_mg=entry.get("field_mg"),
         extended_dip_deg=entry.get("extended_dip_deg"),
+        parameters=tuple(entry.get("parameters") or ()),
+        covariance=array("covariance"),
+        residual_rms_mg=entry.get("residual_rms_mg"),
+        accel_residual_rms_g=entry.get("accel_residual_rms_g"),
         extra=extra,
+        hk_mg=array("hk_mg"),
     )
 
 
@@ -134,11 +161,12 @@ def written_method(record: Mapping[str, Any]) -> str | None:
 
 
 def step_positions(record: Mapping[str, Any], kinds: Iterable[str]) -> list[int]:
-    """Return the positions that steps of these kinds visited in their last attempt."""
+    """Return the positions that steps of these kinds used in their last attempt."""
     chosen = set(kinds)
     names = {step["name"] for step in record.get("steps", []) if step.get("kind") in chosen}
     poses = [pose for pose in record.get("poses", []) if pose["step"] in names]
     last: dict[str, int] = {}
     for pose in poses:
         last[pose["step"]] = max(last.get(pose["step"], 1), pose.get("attempt", 1))
-    return [int(p["position"]) for p in poses if p.get("attempt", 1) == last[p["step"]]]
+    visited = [int(p["position"]) for p in poses if p.get("attempt", 1) == last[p["step"]]]
+    return used_in_order(visited, record)

@@ -12,11 +12,13 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from bench.acceptance.catalogue import CHECKS, MEASUREMENTS
 from bench.acceptance.outcome import Outcome
 from bench.acceptance.verdict import last_attempts
+from bench.record.certainty import certainty, probability_words, share_words
 from bench.record.charts import Band, heading_error_chart, limit_bar, xy_chart
 from bench.record.document import RecordDocument, read_record
 from bench.record.entries import measurement_entry, measurement_of
+from bench.record.field_watch_words import field_watch
 from bench.record.method_section import method_section
-from bench.record.method_study import method_words
+from bench.record.method_study import error_words, method_words
 from bench.record.swing import swing_of
 from protocols.compass import PART_TWO_AXIS
 
@@ -84,6 +86,8 @@ def report_of(run_dir: Path, record: Mapping[str, Any]) -> str:
             shown=_headlines(rows),
             two_axis=record["module"].get("part") == PART_TWO_AXIS,
             **method_section(swing, record, {band.name: band.limit_deg for band in bands}),
+            sure=certainty(record, {band.name: band for band in bands}),
+            watch=field_watch(record),
             repeated=[entry for entry in record["steps"] if entry["attempt"] > 1],
         )
     )
@@ -99,6 +103,7 @@ def _environment() -> Environment:
     )
     environment.filters.update(
         number=number,
+        degrees=error_words,
         limits=limits_text,
         distance=distance,
         bar=_bar,
@@ -107,6 +112,8 @@ def _environment() -> Environment:
         value=value_text,
         spoken=spoken,
         rounded=rounded,
+        probability=probability_words,
+        share=share_words,
     )
     return environment
 

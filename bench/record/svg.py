@@ -23,6 +23,13 @@ def words(x: float, y: float, text: str, anchor: str, style: str = "") -> str:
     )
 
 
+def rectangle(x: float, y: float, width: float, height: float, style: str) -> str:
+    """Return a filled rectangle of a style."""
+    return (
+        f'<rect class="{style}" x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}"/>'
+    )
+
+
 def circle(x: float, y: float, radius: float, style: str, tip: str = "") -> str:
     """Return a round mark; `tip` shows where the pointer rests."""
     return (
@@ -40,6 +47,12 @@ def polyline(points: Sequence[tuple[float, float]], style: str) -> str:
     """Return a line through points."""
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
     return f'<polyline class="{style}" points="{path}"/>'
+
+
+def polygon(points: Sequence[tuple[float, float]], style: str) -> str:
+    """Return a filled shape."""
+    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+    return f'<polygon class="{style}" points="{path}"/>'
 
 
 def frame(

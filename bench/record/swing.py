@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bench.acceptance.seat import seat_of
 from bench.acceptance.site import (
     heading_error_deg,
     is_level,
     reference_heading_deg,
 )
+from bench.acceptance.two_axis_evaluation import fit_of
 from bench.calibration.ranking import RAW
 from bench.record.entries import coefficients_of
 from bench.record.recorded_fits import (
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from bench.calibration.expectation import PoseErrors
     from bench.calibration.fit import Fit
 
 RAW_KINDS = ("sweep", "poses")
@@ -47,6 +50,15 @@ class HeadingPoint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ExpectedPoint:
+    """What was expected of one pose: reference heading, error and its standard deviation."""
+
+    heading_deg: float
+    error_deg: float
+    sd_deg: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Swing:
     """Heading errors and level field readings before and after the calibration.
 
@@ -56,6 +68,8 @@ class Swing:
         Method whose heading the bench computed; empty where it is the module's own.
     methods : dict
         Level verification poses, first of the raw readings, then of each method.
+    expected : dict
+        What the unit's model said of the same poses before, likewise; empty without one.
     """
 
     raw: list[HeadingPoint] = field(default_factory=list)
@@ -64,6 +78,7 @@ class Swing:
     raw_xy_mg: list[tuple[float, float]] = field(default_factory=list)
     corrected_xy_mg: list[tuple[float, float]] = field(default_factory=list)
     methods: dict[str, list[HeadingPoint]] = field(default_factory=dict)
+    expected: dict[str, list[ExpectedPoint]] = field(default_factory=dict)
 
 
 def site_of(record: Mapping[str, Any]) -> SimpleNamespace | None:
@@ -72,7 +87,9 @@ def site_of(record: Mapping[str, Any]) -> SimpleNamespace | None:
     keys = ("horizontal_mg", "dip_deg", "field_azimuth_deg")
     if any(station.get(key) is None for key in keys):
         return None
-    return SimpleNamespace(**{key: float(station[key]) for key in keys})
+    return SimpleNamespace(
+        **{key: float(station[key]) for key in keys}, seat=seat_of(station.get("seat") or {})
+    )
 
 
 def swing_of(run_dir: Path, record: Mapping[str, Any]) -> Swing:
@@ -108,6 +125,9 @@ def swing_of(run_dir: Path, record: Mapping[str, Any]) -> Swing:
         }
         if level.any()
         else {},
+        expected=_expected_points(
+            fits.expected_errors(verified[level], site), verified[level], site
+        ),
     )
 
 
@@ -117,9 +137,7 @@ def _corrected_xy(
     """Return the readings corrected as in the module, where nothing was written by the fit."""
     written = record["coefficients"].get("written")
     if written:
-        coefficients = coefficients_of(written)
-        matrix = np.reshape(coefficients.mag_matrix, (3, 3))
-        return _xy((field_mg - np.array(coefficients.mag_offset_mg)) @ matrix.T)
+        return _xy(fit_of(coefficients_of(written)).corrected_mg(field_mg))
     return [] if judged is None else _xy(judged.corrected_mg(field_mg))
 
 
@@ -148,6 +166,21 @@ def _points(
         for x, y, level, position in columns
         if np.isfinite(x) and np.isfinite(y)
     ]
+
+
+def _expected_points(
+    errors: Mapping[str, PoseErrors], readings: NDArray[np.void], site: Any
+) -> dict[str, list[ExpectedPoint]]:
+    heading_deg = reference_heading_deg(readings, site).tolist()
+    return {
+        method: [
+            ExpectedPoint(heading_deg=x, error_deg=y, sd_deg=sd)
+            for x, y, sd in zip(
+                heading_deg, found.mean_deg.tolist(), found.sd_deg.tolist(), strict=True
+            )
+        ]
+        for method, found in errors.items()
+    }
 
 
 def _xy(field_mg: NDArray[np.float64]) -> list[tuple[float, float]]:

@@ -16,7 +16,7 @@ LOST_NAME = "frames_lost"
 
 
 class CheckBus(Step):
-    """Wait for the module, listen, and judge bus load and lost frames since the start."""
+    """Wait for the module and the reference magnetometer, listen, and judge bus load and lost frames since the start."""
 
     kind: Literal["check_bus"]
     listen: Seconds = 0.5
@@ -31,11 +31,15 @@ class CheckBus(Step):
         ------
         ModuleSilent
             If the module sends no complete cycle within `ready_timeout`.
+        ReferenceSilent
+            If the station's reference magnetometer sends nothing.
         BusFault
             If the channel fails or two modules claim one address.
         """
         if not context.module.status.flags & FLAG_REPLAY_ENDED:
             context.module.wait_ready(self.ready_timeout)
+        if context.reference is not None:
+            context.reference.wait_ready(self.ready_timeout)
         context.bus.run_for(self.listen)
         context.measure(LOAD_NAME, context.bus.load_worst_percent)
         context.measure(LOST_NAME, float(context.module.lost))

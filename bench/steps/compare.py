@@ -29,7 +29,7 @@ class Compare(RingStep):
         """
         from bench.acceptance.method_comparison import evaluate_comparison
 
-        readings = context.visit(self.poses(), verifies=True)
+        readings = context.visit(self.poses(), verifies=True, sentinel=self.sentinel)
         if context.judged_fit is not None:
             judged = context.judged_fit.method
             context.judge(

@@ -24,6 +24,7 @@ def compare_methods(context: RunContext, readings: NDArray[np.void]) -> None:
     from bench.acceptance.method_comparison import (
         achieved_by,
         evaluate_rank,
+        expected_of,
         ranking,
         study_of,
     )
@@ -33,7 +34,8 @@ def compare_methods(context: RunContext, readings: NDArray[np.void]) -> None:
     for name, fit in context.fits.items():
         context.recorder.fit(fit, achieved[name])
     ranked = ranking(achieved)
-    context.recorder.set("study", compared.as_dict())
+    expected = context.compute(partial(expected_of, context.fits, readings, context.station))
+    context.recorder.set("study", {**compared.as_dict(), **expected})
     context.recorder.set("ranking", ranked)
     if context.judged_fit is None:
         return
@@ -51,5 +53,7 @@ def compare_methods(context: RunContext, readings: NDArray[np.void]) -> None:
 
 
 def _uncertainty_deg(context: RunContext) -> float:
-    limits = (context.limits.get(name) for name in MAXIMA)
-    return max((limit.uncertainty for limit in limits if limit is not None), default=0.0)
+    """Return the largest U of the largest errors that the run has judged."""
+    return max(
+        (one.uncertainty or 0.0 for one in context.measurements if one.name in MAXIMA), default=0.0
+    )

@@ -12,6 +12,7 @@ from bench.calibration.method_names import MethodName
 from bench.steps.step import OnMiss, Step
 
 if TYPE_CHECKING:
+    from bench.acceptance.bridge_terms import CorrectedFits
     from bench.calibration.fit import CalibrationData, Fit
     from bench.run_context import RunContext
 
@@ -74,17 +75,28 @@ class FitMethods(Step):
 
         A refusal is a measurement (`fit_accepted`), with the method's reason in its note.
         """
+        from bench.acceptance.bridge_terms import CorrectedFits
         from bench.acceptance.fit_evaluation import evaluate_fit
 
-        data = self._data(context)
+        fits = context.compute(partial(CorrectedFits, self._data(context)))
+        self._record_terms(context, fits)
         for name in dict.fromkeys(self.methods):
-            fit = context.compute(partial(_fit, name, data))
+            fit = context.compute(partial(fits.fit, name))
             context.fits[name] = fit
             context.recorder.fit(fit)
         judged = self._judged(context.fits)
         if not judged.refused:
             context.judged_fit = judged
         context.judge(evaluate_fit(context.step_name, judged, context.station))
+
+    def _record_terms(self, context: RunContext, fits: CorrectedFits) -> None:
+        from bench.acceptance.bridge_terms import calibration_terms, cross_axis_term
+
+        terms = {"hk_mg": cross_axis_term(fits.cross)}
+        if context.recording is None:
+            readings = context.readings_at(context.calibration_positions)
+            terms = calibration_terms(readings, context.poses, fits.cross)
+        context.recorder.set("bridge_terms", terms)
 
     def _data(self, context: RunContext) -> CalibrationData:
         from bench.acceptance.site import calibration_data, recording_data
@@ -107,9 +119,3 @@ class FitMethods(Step):
 
     def _all_tell(self, name: str) -> bool:
         return all(name in REQUIRED.get(method, ()) for method in self.judged)
-
-
-def _fit(name: str, data: CalibrationData) -> Fit:
-    from bench.calibration.methods import fit_named  # slow where it is the first
-
-    return fit_named(name, data)

@@ -35,15 +35,22 @@ class Ring(Headings):
     """Nose up."""
     roll: Degrees = 0.0
     """Right side down."""
+    direction: Direction = "clockwise"
+    """Way round; counter_clockwise also approaches the first pose so."""
 
     def planned(self, dwell_s: float) -> list[PlannedPose]:
-        """Return the poses of the ring, clockwise."""
+        """Return the poses of the ring in order."""
+        azimuths_deg = self.azimuths_deg()
+        backwards = self.direction == "counter_clockwise"
+        if backwards:
+            azimuths_deg = [azimuths_deg[0], *reversed(azimuths_deg[1:])]
         return [
             PlannedPose(
                 attitude=Attitude(azimuth_deg=azimuth, pitch_deg=self.pitch, roll_deg=self.roll),
+                direction=DIRECTION_SIGN[self.direction] if backwards else 0,
                 dwell_s=dwell_s,
             )
-            for azimuth in self.azimuths_deg()
+            for azimuth in azimuths_deg
         ]
 
 

@@ -27,7 +27,7 @@ class Poses(RingStep):
         """
         from bench.acceptance.sensor_evaluation import evaluate_peaks
 
-        readings = context.visit(self.poses(), calibrates=True)
+        readings = context.visit(self.poses(), calibrates=True, sentinel=self.sentinel)
         context.judge(evaluate_peaks(context.step_name, readings))
 
     def measured(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field
 
 from bench.quantity import Seconds
+from bench.steps.bridge_terms import record_temperature_terms
 from bench.steps.headings import Ring, ring_poses
 from bench.steps.step import PlannedPose, Step
 
@@ -43,6 +44,7 @@ class Returns(Step):
 
         readings = context.visit(self.poses())
         context.judge(evaluate_returns(context.step_name, readings, context.poses, context.station))
+        record_temperature_terms(context)
 
     def measured(self) -> tuple[str, ...]:
         """Return the names of what is judged here."""

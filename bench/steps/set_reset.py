@@ -38,7 +38,7 @@ class SetReset(RingStep):
             evaluate_set_reset,
         )
 
-        readings = context.visit(self.poses())
+        readings = context.visit(self.poses(), sentinel=self.sentinel)
         context.judge(evaluate_peaks(context.step_name, readings))
         if context.synthesised:
             context.event("not_available", what="set/reset checks", reason="synthesised pairs")

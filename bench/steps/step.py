@@ -63,6 +63,14 @@ class Step(FileModel, ABC):
         """Return the dwells of the step in order, known before any bus is opened."""
         return ()
 
+    def dwells(self, *, with_reference: bool = True) -> Sequence[PlannedPose]:
+        """Return the dwells with those at a sentinel pose among them, where there is need of one.
+
+        Without a reference magnetometer at the station there is.
+        """
+        del with_reference
+        return self.poses()
+
     def measured(self) -> Sequence[str]:
         """Return the names of the measurements that the step judges; each needs a limit."""
         return ()

@@ -10,9 +10,12 @@ from bench.pose import Attitude
 from bench.quantity import Degrees, Seconds
 from bench.steps.deviation import raw_deviation_entry
 from bench.steps.headings import DIRECTION_SIGN, Direction, Headings
+from bench.steps.sentinel import Sentinel  # noqa: TC001  (pydantic reads it)
 from bench.steps.step import OnMiss, PlannedPose, Step
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from bench.run_context import RunContext
 
 
@@ -39,6 +42,8 @@ class Sweep(Step):
     """Right side down."""
     dwell: Seconds = 0.5
     """Time over which a reading is averaged."""
+    sentinel: Sentinel | None = None
+    """Pose to come back to between the others, where the station has no reference magnetometer."""
 
     def poses(self) -> list[PlannedPose]:
         """Return the poses of all passes; the first pass closes the turn."""
@@ -51,6 +56,13 @@ class Sweep(Step):
             turn = [*turn, turn[0]] if index == 0 else [*turn[1:], turn[0]]
             planned += [self._pose(azimuth, sign) for azimuth in turn]
         return planned
+
+    def dwells(self, *, with_reference: bool = True) -> Sequence[PlannedPose]:
+        """Return the dwells with those at the sentinel pose."""
+        planned = self.poses()
+        if self.sentinel is None:
+            return planned
+        return self.sentinel.among(planned, with_reference=with_reference)
 
     def _pose(self, azimuth_deg: float, direction: int) -> PlannedPose:
         attitude = Attitude(azimuth_deg=azimuth_deg, pitch_deg=self.pitch, roll_deg=self.roll)
@@ -68,7 +80,7 @@ class Sweep(Step):
         from bench.acceptance.sensor_evaluation import evaluate_sweep
 
         poses = self.poses()
-        readings = context.visit(poses, calibrates=True)
+        readings = context.visit(poses, calibrates=True, sentinel=self.sentinel)
         deviation = raw_deviation_entry(readings, context.station)
         context.recorder.set("deviation", {"raw": deviation})
         context.judge(evaluate_sweep(context.step_name, readings, context.poses))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
+from bench.steps.bridge_terms import record_temperature_terms
 from bench.steps.comparison import compare_methods
 from bench.steps.deviation import deviation_entry
 from bench.steps.ring_step import RingStep
@@ -35,6 +36,7 @@ class Verify(RingStep):
         import numpy as np
 
         from bench.acceptance.heading_evaluation import evaluate_verification
+        from bench.acceptance.heading_uncertainty import uncertainty_section, verification_budget
 
         name, station = context.step_name, context.station
         coefficients = context.written
@@ -42,13 +44,20 @@ class Verify(RingStep):
             coefficients = context.module.diagnostics.read_coefficients()
             context.recorder.set("coefficients", {"before": coefficients})
         first = len(context.verification_samples)
-        readings = context.visit(self.poses(), verifies=True)
+        readings = context.visit(self.poses(), verifies=True, sentinel=self.sentinel)
         samples = np.concatenate(context.verification_samples[first:])
-        context.judge(evaluate_verification(name, readings, samples, coefficients, station))
+        budget = verification_budget(readings, coefficients, station, context.limits.unit)
+        judged = context.judge(
+            evaluate_verification(name, readings, samples, coefficients, station, budget=budget)
+        )
+        if budget is not None:
+            section = uncertainty_section(readings, budget, judged, station)
+            context.recorder.set("uncertainty", section)
         self._judge_surroundings(context, readings, coefficients)
         context.verified = True
         compensated = deviation_entry(readings["heading_deg"], readings, station)
         context.recorder.set("deviation", {"compensated": compensated})
+        record_temperature_terms(context)
         compare_methods(context, readings)
 
     def _judge_surroundings(

@@ -88,4 +88,5 @@ def coefficients_of(fit: Fit, *, version: int) -> Coefficients:
         accel_matrix=tuple(float(value) for value in fit.accel_matrix.ravel()),
         extended_dip_deg=fit.extended_dip_deg or 0.0,
         horizontal_mg=fit.extra["horizontal_mg"] if fit.two_axis else 0.0,
+        hk_mg=(0.0, 0.0, 0.0) if fit.hk_mg is None else tuple(map(float, fit.hk_mg)),
     )

@@ -18,8 +18,9 @@ from bench.acceptance.heading_evaluation import (
     evaluate_verification,
 )
 from bench.acceptance.measurement import Limit, Measurement
-from bench.acceptance.method_comparison import achieved_by, ranking, study_of
+from bench.acceptance.method_comparison import achieved_by, expected_of, ranking, study_of
 from bench.acceptance.outcome import Outcome
+from bench.acceptance.seat import SeatFound
 from bench.acceptance.sensor_evaluation import (
     evaluate_noise,
     evaluate_peaks,
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-SITE = SimpleNamespace(horizontal_mg=250.0, dip_deg=60.0, field_azimuth_deg=1.25)
+SITE = SimpleNamespace(horizontal_mg=250.0, dip_deg=60.0, field_azimuth_deg=1.25, seat=SeatFound())
 FIELD_MG = np.array(
     [
         250.0 * np.cos(np.deg2rad(1.25)),
@@ -330,18 +331,22 @@ class SyntheticRun:
         self._step("verify", "verify")
         samples = self._visit("verify")
         readings = readings_of(samples)
-        found = evaluate_verification("verify", readings, samples, self.unit.coefficients, SITE)
+        found = self._headings(readings, samples)
         self._end("verify", found + evaluate_temperature("verify", self.calibration, readings))
         compared = study_of(self.fits, readings, SITE)
         achieved = achieved_by(self.fits, compared)
         for name, fit in self.fits.items():
             self.recorder.fit(fit, achieved[name])
-        self.recorder.set("study", compared.as_dict())
+        expected = expected_of(self.fits, readings, SITE)
+        self.recorder.set("study", {**compared.as_dict(), **expected})
         self.recorder.set("ranking", ranking(achieved))
         self._deviation(readings)
         self._step("returns", "returns")
         rows = readings_of(self._visit("returns"))
         self._end("returns", evaluate_returns("returns", rows, self.poses["returns"], SITE))
+
+    def _headings(self, rows: NDArray[np.void], samples: NDArray[np.void]) -> list[Measurement]:
+        return evaluate_verification("verify", rows, samples, self.unit.coefficients, SITE)
 
     def _deviation(self, readings: NDArray[np.void]) -> None:
         raw_deg = np.rad2deg(

@@ -41,6 +41,16 @@ class Recorded:
         ]
         return np.concatenate(values)
 
+    def measured(self, path: str, part: str) -> NDArray[np.float64]:
+        """Return the values or the variances of a band."""
+        column = f"Measurements:{part}"
+        values = [
+            batch.column(column).flatten().to_numpy(zero_copy_only=False)
+            for batch in self.chunks(path)
+            if column in batch.schema.names
+        ]
+        return np.concatenate(values)
+
     def value(self, name: str) -> float:
         return float(next(m["value"] for m in self.record["measurements"] if m["name"] == name))
 

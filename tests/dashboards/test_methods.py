@@ -93,3 +93,20 @@ def test_record_of_before_the_study_is_drawn_without_it(recorded: Recorded, tmp_
 def test_run_without_a_fit_has_no_tab_of_methods(failed: Recorded) -> None:
     assert methods_tab(RunView(failed.folder, failed.record)) is None
     assert not [path for path in failed.entities() if path.startswith("/methods/")]
+
+
+def test_what_was_expected_is_a_band_about_every_methods_error(recorded: Recorded) -> None:
+    expected = recorded.record["study"]["expected"]
+
+    for method, errors in expected.items():
+        for kind in ("level", "tilt"):
+            path = f"methods/{method}/error_deg/expected_{kind}"
+            middle_deg = recorded.measured(path, "values")
+            sd_deg = np.sqrt(recorded.measured(path, "variances")) / 2.0
+            rms_deg = np.sqrt(np.mean(middle_deg**2 + sd_deg**2))
+            assert rms_deg == pytest.approx(errors[f"{kind}_rms_deg"], rel=1e-6), path
+
+
+def test_two_axes_without_a_model_of_the_unit_have_no_band(two_axis: Recorded) -> None:
+    assert two_axis.record["study"]["expected"] is None
+    assert not [path for path in two_axis.entities() if "/expected_" in path]

@@ -50,6 +50,36 @@ def test_limits_are_told_by_their_sides() -> None:
     assert "| between | 0.25 | 0.1 … 0.5 |" in text
 
 
+def test_uncertainty_conformity_and_spoiled_poses_are_told() -> None:
+    spoiled = {
+        "position": 3, "step": "verify", "change_mg": 2.0, "source": "reference", "repeated_as": 9,
+    }  # fmt: skip
+    row = measurement("level_max", "PASS", high=0.5) | {"uncertainty": 0.08, "conformity": 0.987}
+    watch = {"source": "reference", "spoiled": [spoiled]}
+
+    text = verdict_markdown({"measurements": [row], "field_watch": watch})
+
+    assert "| level_max | 0.25 | ≤ 0.5 | deg | 0.08 | 98.7 % | pass |" in text
+    assert "The field changed at 1 pose; repeated" in text
+
+
+def test_methods_say_claim_expected_and_achieved_and_which_claim_is_wrong() -> None:
+    fit = {
+        "method": "four_position", "cause": None, "predicted_heading_rms_deg": 0.053,
+        "achieved": {"level_rms_deg": 1.4, "tilt_rms_deg": 4.7},
+    }  # fmt: skip
+    study = {
+        "expected": {"four_position": {"level_rms_deg": 1.37, "tilt_rms_deg": 4.67}},
+        "expected_noise": {"level_deg": 0.09, "tilt_deg": 0.09},
+        "claim_without": {"four_position": "level only"},
+    }
+
+    text = methods_markdown({"fits": [fit], "study": study})
+
+    assert "| four positions | **0.053 !** | 1.37 / 4.67 | 1.40 / 4.70 |" in text
+    assert "wrong without saying so" in text
+
+
 def test_run_without_a_verdict_is_told_as_broken_off() -> None:
     assert "broken off" in verdict_markdown({"run": {"serial": "SN7"}})
 
@@ -79,9 +109,11 @@ def test_raw_readings_stand_before_the_methods_and_the_orders_after_them() -> No
 
     text = methods_markdown({"fits": [best], "ranking": ["truth_aided"], "study": study})
 
-    assert text.index("| raw readings | 36 |") < text.index("| truth aided | 0.2 |")
+    assert text.index("| raw readings | – | – / – | – / – | 36.0 / – |") < text.index(
+        "| truth aided | – | – / – | – / – | 0.200 / – | its own |"
+    )
     assert "| method | hard, soft, tilt | tilt, hard, soft |" in text
-    assert "| truth aided | 0.2 / 0.3 | 0.2 / 11 |" in text
+    assert "| truth aided | 0.200 / 0.300 | 0.200 / 11.0 |" in text
 
 
 def test_deviation_shows_standard_errors_and_words() -> None:

@@ -11,6 +11,7 @@ EXPECTED = {
     *(f"accel_sign_{axis}" for axis in "xyz"),
     *(f"axis_stalled_{axis}" for axis in ("azimuth", "pitch", "roll")),
     "swapped_axes", "excess_noise", "saturated_axis", "lost_write", "module_silent",
+    "forklift", "field_step", "reference_silent", "seat_turned", "fixture_iron",
 }  # fmt: skip
 
 

@@ -4,12 +4,24 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import struct
+import zlib
 
 import pytest
 
-from devices.coefficient_store import IMAGE_LENGTH, CoefficientStore, MemoryMedium
+from devices.coefficient_store import (
+    FORMER_IMAGE_LENGTH,
+    IMAGE_LENGTH,
+    CoefficientStore,
+    MemoryMedium,
+)
 from protocols.errors import FrameError
-from protocols.uds import DEFAULT_COEFFICIENTS, pack_coefficients
+from protocols.uds import (
+    BANK_LENGTH,
+    DEFAULT_COEFFICIENTS,
+    PLAIN_BANK_LENGTH,
+    pack_coefficients,
+)
 
 OLD = dataclasses.replace(DEFAULT_COEFFICIENTS, version=1, mag_offset_mg=(1.0, 2.0, 3.0))
 NEW = dataclasses.replace(
@@ -18,6 +30,7 @@ NEW = dataclasses.replace(
     mag_offset_mg=(-7.0, 8.0, -9.0),
     mag_matrix=tuple(1.0 + index / 8.0 for index in range(9)),
     accel_offset_g=(0.5, 0.25, 0.125),
+    hk_mg=(8000.0, 0.0, 7500.0),
 )
 
 
@@ -196,7 +209,7 @@ def test_a_flipped_byte_never_gives_coefficients_that_nobody_wrote(position):
 def test_a_decayed_bank_gives_the_defaults_and_says_so():
     image = bytearray(calibrated())
     image[32 + 10] ^= 0xFF
-    image[136 + 10] ^= 0xFF
+    image[32 + BANK_LENGTH + 10] ^= 0xFF
 
     store = reopened(bytes(image))
 
@@ -250,3 +263,75 @@ def test_a_medium_that_refuses_is_an_error_of_the_write_and_keeps_the_old(tmp_pa
         store.stage(pack_coefficients(NEW))
 
     assert CoefficientStore(path).active == OLD
+
+
+def with_crc(body, before=b""):
+    return body + zlib.crc32(before + body).to_bytes(4, "little")
+
+
+def former_image(active=0, *, staged=0, boots=12):
+    """An image as it was before the cross-axis term: two markers, OLD in the first of two banks."""
+    magic = b"CBNVM01\0"
+    markers = [struct.pack("<IBBH", number, active, staged, boots) for number in (4, 5)]
+    values = (
+        *OLD.mag_offset_mg, *OLD.mag_matrix, *OLD.accel_offset_g, *OLD.accel_matrix, 0.0, 0.0,
+    )  # fmt: skip
+    bank = with_crc(struct.pack("<H2x26f", OLD.version, *values))
+    image = magic + b"".join(with_crc(marker, magic) for marker in markers)
+    return image + bank + bytes(PLAIN_BANK_LENGTH)
+
+
+def test_an_image_of_the_former_layout_keeps_its_coefficients_and_its_boots():
+    assert len(former_image()) == FORMER_IMAGE_LENGTH
+    medium = MemoryMedium(former_image())
+    store = CoefficientStore(medium=medium)
+    store.boot()
+
+    assert store.active == OLD
+    assert store.active.hk_mg == (0.0, 0.0, 0.0)
+    assert store.calibrated
+    assert not store.lost
+    assert store.boots == 13
+    assert len(medium.read()) == IMAGE_LENGTH
+    assert reopened(medium.read()).active == OLD
+
+
+def test_an_image_of_the_former_layout_takes_coefficients_of_the_present_one():
+    medium = MemoryMedium(former_image())
+
+    write(CoefficientStore(medium=medium), NEW)
+
+    assert reopened(medium.read()).active == NEW
+
+
+def test_a_file_of_the_former_layout_is_replaced_whole(tmp_path):
+    path = tmp_path / "module.nvm"
+    path.write_bytes(former_image())
+    assert CoefficientStore(path).active == OLD
+    assert path.read_bytes() == former_image(), "reading alone writes nothing"
+
+    CoefficientStore(path).boot()
+
+    assert path.stat().st_size == IMAGE_LENGTH
+    assert CoefficientStore(path).active == OLD
+
+
+@pytest.mark.parametrize("position", range(0, FORMER_IMAGE_LENGTH, 5))
+def test_a_flipped_byte_of_a_former_image_gives_no_coefficients_that_nobody_wrote(position):
+    image = bytearray(former_image())
+    image[position] ^= 0x55
+
+    store = reopened(bytes(image))
+
+    assert store.active in (DEFAULT_COEFFICIENTS, OLD)
+    assert store.calibrated == (store.active == OLD)
+
+
+def test_a_former_image_without_a_sound_bank_is_lost():
+    image = bytearray(former_image())
+    image[32 + 10] ^= 0xFF
+
+    store = reopened(bytes(image))
+
+    assert store.lost
+    assert store.active == DEFAULT_COEFFICIENTS

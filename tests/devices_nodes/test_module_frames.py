@@ -7,6 +7,7 @@ import pytest
 from protocols import compass, j1939
 from protocols.e2e import E2eReceiver, E2eState
 from protocols.link import Wire
+from protocols.reference_field import REFERENCE_ADDRESS, reference_field_id
 
 CYCLIC = [compass.mag_set_id, compass.mag_reset_id, compass.acceleration_id, compass.heading_id]
 CLAIM = j1939.address_claimed_id(0x80)
@@ -16,14 +17,19 @@ def ids(frames):
     return [frame.can_id for frame in frames]
 
 
+def of_module(frames, address=0x80):
+    """Leave out the rig and the reference magnetometer."""
+    return [f for f in frames if f.can_id & 0x80000000 and f.can_id & 0xFF == address]
+
+
 def of(frames, can_id):
     return [frame.data for frame in frames if frame.can_id == can_id]
 
 
 def test_is_silent_while_it_boots_then_claims_its_address_first(make_station):
     station = make_station()
-    silent = [f for f in station.tick(29) if f.can_id & 0x80000000]
-    first = [f for f in station.tick(1) if f.can_id & 0x80000000]
+    silent = of_module(station.tick(29))
+    first = of_module(station.tick(1))
 
     assert silent == []
     assert first[0].can_id == CLAIM
@@ -111,9 +117,13 @@ def test_another_address_moves_every_frame(make_station):
     station = make_station(address=0x42)
     station.tick(40)
 
-    sources = {f.can_id & 0xFF for f in station.tick(10) if f.can_id & 0x80000000}
+    frames = station.tick(10)
+    sources = {f.can_id & 0xFF for f in frames if f.can_id & 0x80000000}
 
-    assert sources == {0x42}
+    assert sources == {0x42, REFERENCE_ADDRESS}
+    assert {f.can_id for f in of_module(frames, REFERENCE_ADDRESS)} == {
+        reference_field_id(REFERENCE_ADDRESS)
+    }
 
 
 def test_a_silent_module_neither_sends_nor_answers(make_station):
@@ -122,7 +132,7 @@ def test_a_silent_module_neither_sends_nor_answers(make_station):
     after = station.tick(20)
 
     assert of(before, compass.mag_set_id(0x80))
-    assert [f for f in after if f.can_id & 0x80000000] == []
+    assert of_module(after) == []
     assert station.request(b"\x3e\x00", ticks=30) == b""
 
 

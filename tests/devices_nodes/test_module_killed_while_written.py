@@ -37,6 +37,7 @@ NEW = pack_coefficients(
         mag_matrix=(2.0,) * 9,
         accel_offset_g=(2.0,) * 3,
         accel_matrix=(2.0,) * 9,
+        hk_mg=(8192.0, 0.0, 4096.0),
     )
 )
 REQUEST, RESPONSE = uds.physical_request_id(0x80), uds.physical_response_id(0x80)

@@ -44,7 +44,7 @@ def test_another_seed_serial_or_site_gives_others(make_station, other):
 def test_a_link_for_each_node_gives_the_same_frames(make_station):
     one = make_station(seed=5)
     wire = Wire()
-    host = build_host(SimulatorOptions(seed=5), [wire.attach() for _ in range(4)])
+    host = build_host(SimulatorOptions(seed=5), [wire.attach() for _ in range(5)])
     wire.add_server(host.serve)
     several = make_station(seed=5)
     several.wire, several.host, several.port = wire, host, wire.attach()

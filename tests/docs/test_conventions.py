@@ -10,8 +10,9 @@ import pytest
 
 from bench.calibration.compensation import Order
 from bench.calibration.tilt import ned_from_body, tilt_compensated_heading_deg
-from bench.record.document import StudySection
+from bench.record.document import FieldWatchSection, StudySection
 from protocols.compass import FLAG_TWO_AXIS, PART_TWO_AXIS
+from protocols.reference_field import REFERENCE_ADDRESS, REFERENCE_MG_PER_COUNT
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 FIELD_NED_MG = np.array([250.0, 0.0, 433.0])
@@ -54,6 +55,14 @@ def test_orders_study_and_two_axes_have_the_names_of_the_code() -> None:
     assert f"part {PART_TWO_AXIS}, status flag {FLAG_TWO_AXIS:X}h" in text
     assert all(f"`{order}`" in text for order in Order)
     assert all(f"\n| `{name}` |" in text for name in StudySection.model_fields)
+
+
+def test_the_field_watch_has_the_names_of_the_record_and_of_the_wire() -> None:
+    text = (DOCS / "conventions.md").read_text()
+
+    assert all(f"\n| `{name}` |" in text for name in FieldWatchSection.model_fields)
+    assert f"source address {REFERENCE_ADDRESS:X}h, frame `RefField`" in text
+    assert f"{REFERENCE_MG_PER_COUNT} mG a count" in text
 
 
 def test_each_decision_has_context_decision_and_consequences() -> None:

@@ -210,6 +210,28 @@ def test_wrong_is_what_is_far_off_with_a_result(peers: SimpleNamespace) -> None:
     assert cell.wrong("magcc", bounds=5.0) == 0.0
 
 
+def test_a_trial_that_only_one_of_the_two_ellipsoids_refuses_is_counted(
+    peers: SimpleNamespace,
+) -> None:
+    cell = cell_of(peers, ellipsoid=[0.5] * 4, coefficients=[0.5] * 4, mag_cal=[0.5] * 4)
+    assert peers.peers._alike([cell]).met is True
+
+    cell.outcomes["coefficients"].refused[2] = True
+
+    assert peers.peers._alike([cell]).figure == 0.25
+    assert peers.peers._alike([cell]).met is False
+
+
+def test_coefficients_that_are_worse_than_a_peers_are_not_met(peers: SimpleNamespace) -> None:
+    cell = cell_of(peers, ellipsoid=[0.5, 0.5], coefficients=[0.6, 0.6], mag_cal=[0.5, 0.5])
+
+    loss = peers.peers._accuracy([cell])[0]
+
+    assert loss.met is False
+    assert loss.figure == pytest.approx(1.2)
+    assert loss.where.startswith("coefficients, mag_cal")
+
+
 def test_a_missing_peer_is_not_measured_and_a_slow_product_is_not_met(
     peers: SimpleNamespace,
 ) -> None:

@@ -23,6 +23,7 @@ from devices import rotation
 from devices.field import EarthField
 from devices.magnetics import Magnetics
 from devices.rig import RigGeometry, RigMechanics, perfect_rig
+from devices.seat import Seat
 from devices.world import Forklift, MainsHum, SlowDrift, World
 
 STEP_NS = 10_000_000
@@ -169,7 +170,7 @@ class TestWorld:
     def test_stage_field_turns_with_the_seat_and_anomaly_does_not(self) -> None:
         plain = World(EarthField(), perfect_rig())
         anomaly = World(EarthField(), perfect_rig(), anomaly_ned_mg=(0.0, 5.0, 0.0))
-        stage = World(EarthField(), perfect_rig(), stage_body_mg=(0.0, 5.0, 0.0))
+        stage = World(EarthField(), perfect_rig(), seat=Seat(iron_mg=(0.0, 5.0, 0.0)))
         for world in (plain, anomaly, stage):
             move(world, 90.0, 0.0, 0.0)
 
@@ -268,3 +269,56 @@ class TestIron:
         )
 
         assert iron.sensor_field_mg((10.0, 20.0, 30.0)) == pytest.approx((115.0, 18.0, 12.0))
+
+
+class TestPlaces:
+    GRADIENT = (0.3, 0.1, -0.2, 0.1, -0.5, 0.4, -0.2, 0.4, 0.2)
+
+    def test_the_field_at_the_crossing_is_that_of_the_module(self) -> None:
+        forklift = Forklift(start_ned_m=(-2.0, 2.0, 0.0))
+        world = World(EarthField(), perfect_rig(), drift=SlowDrift(), forklift=forklift)
+        for second in range(1, 5):
+            world.step(second * 1_000_000_000)
+
+            assert world.field_at_ned_mg((0.0, 0.0, 0.0)) == world.field_ned_mg
+
+    def test_a_dipole_falls_with_the_cube_of_its_distance(self) -> None:
+        still = Forklift(start_ned_m=(0.0, 0.0, 0.0), velocity_ned_mps=(0.0, 0.0, 0.0))
+        at_2, at_4 = (np.array(still.field_ned_mg(0.0, (0.0, r, 0.0))) for r in (2.0, 4.0))
+
+        assert at_2 == pytest.approx(8.0 * at_4)
+        assert at_2 == pytest.approx((0.0, 0.0, -300.0 / 8.0))
+
+    def test_a_vehicle_stands_at_its_nearest_place_and_goes_on(self) -> None:
+        past = Forklift(start_ned_m=(-15.0, 4.0, 0.0), starts_s=10.0, stands_s=20.0)
+
+        assert past.place_ned_m(10.0) == (-15.0, 4.0, 0.0)
+        assert past.place_ned_m(20.0) == (0.0, 4.0, 0.0)
+        assert past.place_ned_m(40.0) == (0.0, 4.0, 0.0)
+        assert past.place_ned_m(50.0) == pytest.approx((15.0, 4.0, 0.0))
+
+    def test_a_gradient_turns_with_the_sensor_s_place(self) -> None:
+        rig = perfect_rig()
+        world = World(
+            EarthField(), rig, gradient_ned_mg_per_m=self.GRADIENT, sensor_body_m=(0.1, 0.0, 0.02)
+        )
+        gradient = np.reshape(self.GRADIENT, (3, 3))
+        for azimuth_deg in (0.0, 90.0, 180.0):
+            rig.azimuth.angle_deg = azimuth_deg
+            turn = np.reshape(rig.ned_from_body(), (3, 3))
+            place = turn @ [0.1, 0.0, 0.02]
+            expected_mg = turn.T @ (np.array(EarthField().ned_mg) + gradient @ place)
+
+            assert world.field_body_mg() == pytest.approx(tuple(expected_mg))
+            assert world.field_at_ned_mg(tuple(place)) == pytest.approx(tuple(turn @ expected_mg))
+
+    def test_in_the_crossing_a_gradient_is_not_felt(self) -> None:
+        plain = World(EarthField(), perfect_rig())
+        bent = World(EarthField(), perfect_rig(), gradient_ned_mg_per_m=self.GRADIENT)
+
+        assert bent.field_body_mg() == pytest.approx(plain.field_body_mg())
+
+    @pytest.mark.parametrize("wrong", [(0.3,) + (0.0,) * 8, (0.0, 1.0) + (0.0,) * 7])
+    def test_a_gradient_that_no_field_has_is_refused(self, wrong: tuple[float, ...]) -> None:
+        with pytest.raises(ValueError, match="symmetric and without trace"):
+            World(EarthField(), perfect_rig(), gradient_ned_mg_per_m=wrong)  # type: ignore[arg-type]

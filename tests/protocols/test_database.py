@@ -10,7 +10,7 @@ import canopen as canopen_library
 import cantools
 import pytest
 
-from protocols import canopen, cia402, compass, j1939, uds
+from protocols import canopen, cia402, compass, j1939, reference_field, remounting, uds
 from protocols.axis_eds import axis_eds
 from protocols.axis_objects import AXIS_OBJECTS, DataType
 from protocols.database import DBC_PATH, EDS_PATH, bus_frames, dbc_text
@@ -50,6 +50,7 @@ def test_the_module_writes_both_files(tmp_path: Path, monkeypatch: pytest.Monkey
 
 def test_every_identifier_of_the_product_is_described_once() -> None:
     used = {canopen.NMT_ID, SYNC_ID, TICK_DONE_ID, canopen.heartbeat_id(canopen.BENCH_NODE)}
+    used |= {remounting.REMOUNT_ID, remounting.REMOUNT_DONE_ID}
     for node in canopen.AXIS_NODES:
         used |= {
             function(node)
@@ -75,6 +76,14 @@ def test_every_identifier_of_the_product_is_described_once() -> None:
             j1939.request_id,
             uds.physical_request_id,
             uds.physical_response_id,
+        )
+    }
+    used |= {
+        function(reference_field.REFERENCE_ADDRESS)
+        for function in (
+            reference_field.reference_field_id,
+            j1939.address_claimed_id,
+            j1939.request_id,
         )
     }
 

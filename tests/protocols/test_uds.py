@@ -19,6 +19,7 @@ from protocols.frame import EXTENDED
 float32 = st.floats(width=32, allow_nan=False, allow_infinity=False)
 dip_deg = st.floats(-89.0, 89.0, width=32)
 field_mg = st.floats(1.0, 1e6, width=32)
+hk_mg = st.one_of(st.just(0.0), st.floats(2000.0, 1e6, width=32))
 
 
 def bank(values: list[float], version: int = 1) -> uds.Coefficients:
@@ -30,6 +31,7 @@ def bank(values: list[float], version: int = 1) -> uds.Coefficients:
         accel_matrix=tuple(values[15:24]),
         extended_dip_deg=values[24],
         horizontal_mg=values[25],
+        hk_mg=tuple(values[26:29]),
     )
 
 
@@ -43,17 +45,23 @@ def test_identifiers_are_those_of_normal_fixed_addressing(address: int) -> None:
     assert uds.physical_response_id(address) == EXTENDED | tester.get_rx_arbitration_id()
 
 
-@given(st.lists(float32, min_size=24, max_size=24), dip_deg, field_mg, st.integers(0, 0xFFFF))
+@given(
+    st.lists(float32, min_size=24, max_size=24),
+    dip_deg,
+    field_mg,
+    st.lists(hk_mg, min_size=3, max_size=3),
+    st.integers(0, 0xFFFF),
+)
 def test_a_bank_of_single_precision_numbers_comes_back_exactly(
-    values: list[float], dip_deg: float, horizontal_mg: float, version: int
+    values: list[float], dip_deg: float, horizontal_mg: float, hk_mg: list[float], version: int
 ) -> None:
-    coefficients = bank([*values, dip_deg, horizontal_mg], version)
+    coefficients = bank([*values, dip_deg, horizontal_mg, *hk_mg], version)
 
     assert uds.unpack_coefficients(uds.pack_coefficients(coefficients)) == coefficients
 
 
 def test_a_bank_of_double_precision_numbers_is_rounded_to_single() -> None:
-    sent = bank([math.pi * place for place in range(26)])
+    sent = bank([*(math.pi * place for place in range(26)), 0.0, 0.0, 8000.0])
 
     received = uds.unpack_coefficients(uds.pack_coefficients(sent))
 
@@ -61,18 +69,67 @@ def test_a_bank_of_double_precision_numbers_is_rounded_to_single() -> None:
     assert received.mag_offset_mg[1] == rounded != math.pi
 
 
-def test_the_layout_of_a_bank_is_version_floats_and_crc() -> None:
-    data = uds.pack_coefficients(bank([float(place) for place in range(26)], version=0x0102))
+def test_the_layout_of_a_bank_is_version_layout_floats_and_crc() -> None:
+    values = [*map(float, range(26)), 0.0, 7000.0, 8000.0]
+    data = uds.pack_coefficients(bank(values, version=0x0102))
 
-    assert len(data) == uds.BANK_LENGTH == 112
-    assert data[:4] == bytes.fromhex("02010000")
-    assert struct.unpack("<26f", data[4:108]) == tuple(range(26))
-    assert int.from_bytes(data[108:], "little") == zlib.crc32(data[:108])
+    assert len(data) == uds.BANK_LENGTH == 124
+    assert data[:4] == bytes.fromhex("02010100")
+    assert struct.unpack("<29f", data[4:120]) == tuple(values)
+    assert int.from_bytes(data[120:], "little") == zlib.crc32(data[:120])
+
+
+def test_a_bank_without_cross_axis_terms_is_that_of_modules_that_did_not_know_them() -> None:
+    values = [*map(float, range(24)), 48.5, 250.0]
+    body = struct.pack("<H2x26f", 7, *values)
+    former = body + zlib.crc32(body).to_bytes(4, "little")
+
+    received = uds.unpack_coefficients(former)
+
+    assert received == bank([*values, 0.0, 0.0, 0.0], version=7)
+    assert uds.pack_coefficients(received) == former
+    assert len(former) == uds.PLAIN_BANK_LENGTH == 112
+
+
+@pytest.mark.parametrize("hk_mg", [0.0, 8000.0])
+def test_a_bank_is_found_in_a_longer_place(hk_mg: float) -> None:
+    data = uds.pack_coefficients(bank([0.0] * 28 + [hk_mg]))
+
+    assert uds.bank_in(data + bytes(300)) == data
+
+
+@pytest.mark.parametrize("length", [uds.BANK_LENGTH, uds.PLAIN_BANK_LENGTH])
+def test_a_layout_that_does_not_belong_to_the_length_is_refused(length: int) -> None:
+    body = bytearray(length - 4)
+    body[2] = 7
+    data = bytes(body) + zlib.crc32(body).to_bytes(4, "little")
+
+    with pytest.raises(FrameError, match=f"{length} bytes must have layout .; .* layout 7"):
+        uds.unpack_coefficients(data)
+
+
+@pytest.mark.parametrize(
+    ("hk_mg", "sentence"),
+    [
+        ((1999.0, 0.0, 0.0), "field x .* must be 0 or at least 2000 mG; .* 1999.0 mG"),
+        ((8000.0, -8000.0, 0.0), "field y of a coefficient bank .* -8000.0 mG"),
+        ((0.0, 0.0, 1e-30), "field z"),
+        ((0.0, math.nan, 0.0), "finite numbers"),
+    ],
+)
+def test_an_anisotropy_field_of_no_sound_film_is_refused(
+    hk_mg: tuple[float, float, float], sentence: str
+) -> None:
+    data = uds.pack_coefficients(bank([0.0] * 26 + list(hk_mg)))
+
+    with pytest.raises(FrameError, match=sentence):
+        uds.unpack_coefficients(data)
 
 
 @given(st.integers(0, 8 * uds.BANK_LENGTH - 1))
 def test_every_single_bit_error_in_a_bank_is_refused(bit: int) -> None:
-    data = bytearray(uds.pack_coefficients(uds.DEFAULT_COEFFICIENTS))
+    knowing = dataclasses.replace(uds.DEFAULT_COEFFICIENTS, hk_mg=(8000.0, 7900.0, 0.0))
+    data = bytearray(uds.pack_coefficients(knowing))
     data[bit // 8] ^= 1 << bit % 8
 
     with pytest.raises(FrameError, match="wrong CRC-32"):
@@ -81,7 +138,7 @@ def test_every_single_bit_error_in_a_bank_is_refused(bit: int) -> None:
 
 @pytest.mark.parametrize("length", [0, uds.BANK_LENGTH - 1, uds.BANK_LENGTH + 1])
 def test_a_bank_of_another_length_is_refused_with_both_lengths(length: int) -> None:
-    with pytest.raises(FrameError, match=f"must be 112 bytes; instead received {length}"):
+    with pytest.raises(FrameError, match=f"must be 112 or 124 bytes; instead received {length}"):
         uds.unpack_coefficients(bytes(length))
 
 
@@ -99,7 +156,7 @@ def test_a_bank_of_another_length_is_refused_with_both_lengths(length: int) -> N
 def test_a_dip_that_leaves_no_vertical_field_is_refused(
     dip_deg: float, horizontal_mg: float, sentence: str
 ) -> None:
-    data = uds.pack_coefficients(bank([0.0] * 24 + [dip_deg, horizontal_mg]))
+    data = uds.pack_coefficients(bank([0.0] * 24 + [dip_deg, horizontal_mg, 0.0, 0.0, 0.0]))
 
     with pytest.raises(FrameError, match=sentence):
         uds.unpack_coefficients(data)
@@ -113,6 +170,7 @@ def test_default_coefficients_change_nothing() -> None:
     assert uds.DEFAULT_COEFFICIENTS.version == 0
     assert uds.DEFAULT_COEFFICIENTS.extended_dip_deg == 0.0
     assert uds.DEFAULT_COEFFICIENTS.horizontal_mg == 0.0
+    assert uds.DEFAULT_COEFFICIENTS.hk_mg == (0.0, 0.0, 0.0)
 
 
 def test_scales_round_trip_exactly() -> None:

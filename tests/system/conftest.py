@@ -12,6 +12,7 @@ from bench.executor import execute
 from bench.limit_set import load_limits
 from bench.module import Module
 from bench.procedure_loader import load_procedure
+from bench.reference import Reference
 from bench.rig import Rig
 from bench.run_context import RunContext
 from bench.sample_log import SampleLog
@@ -124,12 +125,15 @@ def _prepare(
     bus = BenchBus(wire.attach(), SimulatedClock())
     module = Module(bus)
     rig = Rig(bus) if loaded.uses_rig else None
+    station = load_station(loaded.station)
+    reference = Reference(bus, station.reference.address) if station.reference else None
     context = RunContext(
         bus=bus,
         module=module,
         rig=rig,
-        sample_log=SampleLog(None, module, rig),
-        station=load_station(loaded.station),
+        reference=reference,
+        sample_log=SampleLog(None, module, rig, reference=reference),
+        station=station,
         limits=load_limits(loaded.limits),
         recorder=ListRecorder(),
         procedure=loaded,

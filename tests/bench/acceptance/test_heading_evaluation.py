@@ -17,6 +17,7 @@ from bench.acceptance.heading_evaluation import (
     evaluate_temperature,
     evaluate_verification,
 )
+from bench.acceptance.seat import SeatFound
 from bench.acceptance.site import (
     expected_field_mg,
     expected_force_g,
@@ -25,6 +26,7 @@ from bench.acceptance.site import (
     reference_heading_deg,
     total_field_mg,
 )
+from bench.calibration.crossed_field import with_cross_axis
 from bench.samples import readings_of
 from protocols.angles import wrap_360_deg
 from protocols.uds import DEFAULT_COEFFICIENTS
@@ -93,7 +95,9 @@ def test_maxima_and_rms_are_those_of_the_errors_level_and_tilted(perfect, site, 
 
 
 def test_errors_near_north_do_not_wrap(perfect, poses_of_run):
-    site = SimpleNamespace(horizontal_mg=250.0, dip_deg=60.0, field_azimuth_deg=7.0)
+    site = SimpleNamespace(
+        horizontal_mg=250.0, dip_deg=60.0, field_azimuth_deg=7.0, seat=SeatFound()
+    )
     samples, readings = with_errors(perfect, poses_of_run["verify"], site, np.full(48, -0.2))
 
     found = values(evaluate_verification("v", readings, samples, DEFAULT_COEFFICIENTS, site))
@@ -229,3 +233,19 @@ def test_the_raw_heading_error_is_that_of_the_hard_iron_and_level(make_unit, sit
 
     assert level["raw_max"] == pytest.approx(20.0, abs=0.5)
     assert tilted == []
+
+
+def test_the_bench_takes_the_cross_axis_term_out_as_the_coefficients_say(
+    perfect, site, poses_of_run
+):
+    samples = perfect.samples(poses_of_run["verify"])
+    knowing = replace(DEFAULT_COEFFICIENTS, hk_mg=(8000.0, 7600.0, 8300.0))
+    field_mg = (samples["set_mg"] - samples["reset_mg"]) / 2.0
+    bent_mg = with_cross_axis(field_mg, knowing.hk_mg)
+    bent = samples.copy()
+    bent["set_mg"], bent["reset_mg"] = bent_mg, -bent_mg
+
+    plain_deg = bench_heading_deg(samples, DEFAULT_COEFFICIENTS)
+
+    assert bench_heading_deg(bent, knowing) == pytest.approx(plain_deg, abs=1e-9)
+    assert np.abs(bench_heading_deg(bent, DEFAULT_COEFFICIENTS) - plain_deg).max() > 0.005

@@ -150,7 +150,7 @@ def test_a_measurement_without_a_limit_informs():
     ("value", "words"),
     [
         (0.7, "a 0.7 deg is above 0.5 deg"),
-        (0.49, "a 0.49 deg is within the guard band of 0.1 deg"),
+        (0.49, "a 0.49 deg is within the guard band w = 0.1 deg of its limit 0.5 deg"),
         (0.1, "a 0.1 deg is inside its limits"),
         (math.nan, "a could not be measured"),
     ],

@@ -207,7 +207,8 @@ def test_units_of_one_matrix_product_are_refused_one_by_one(
     truth = drawn(1)
     flat = truth.data.field_mg.copy()
     flat[:, 1] = flat[:, 0]
-    given = {"field_sd_mg": 0.35, "rig_sd_deg": 0.02, "station_field_mg": STATION}
+    station_mg = truth.data.station_field_mg
+    given = {"field_sd_mg": 0.35, "rig_sd_deg": 0.02, "station_field_mg": station_mg}
     both = np.stack([truth.data.field_mg, flat, truth.data.field_mg[::-1]])
     fits = truth_aided_linear(eol_deg, both, **given)
     found = [LINEAR_CAUSES[code] for code in fits.cause]

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from bench.calibration.ellipsoid import fit_ellipsoid
-from bench.calibration.fit import CalibrationData, Cause
-from bench.calibration.methods import rows_of
+from bench.calibration.fit import CalibrationData, Cause, rows_of
 from bench.calibration.sphere_model import sphere_rows
 from bench.calibration.taubin import taubin_batch
 
@@ -160,3 +159,96 @@ def test_dip_is_told_where_there_is_an_accelerometer(drawn: Callable[..., Any]) 
     data = drawn(1, soft=0.0).data
     assert fit_ellipsoid(data).dip_deg == pytest.approx(60.0, abs=2.5)
     assert fit_ellipsoid(replace(data, accel_g=None)).dip_deg is None
+
+
+STATION = np.array([300.0, 0.0, 400.0])
+
+
+@pytest.mark.parametrize("size_mg", [6.0, 60.0, 400.0])
+@pytest.mark.parametrize("noise_known", [True, False])
+def test_a_few_disturbed_poses_are_named_and_left_out(size_mg: float, noise_known: bool) -> None:
+    field = readings_mg(60, 0.35)
+    clean = fit_ellipsoid(
+        CalibrationData(field_mg=np.delete(field, [8, 30], axis=0), field_sd_mg=0.35)
+    )
+    outward = field[[8, 30]] - OFFSET
+    field[[8, 30]] += [[size_mg], [-size_mg]] * outward / np.linalg.norm(outward, axis=1)[:, None]
+    data = CalibrationData(field_mg=field, field_sd_mg=0.35, noise_known=noise_known)
+    fit = fit_ellipsoid(data)
+    assert "left out as disturbed: poses 8 by " in fit.message
+    assert [name for name in fit.extra if name.endswith("sigmas")] == [
+        "disturbed_8_sigmas",
+        "disturbed_30_sigmas",
+    ]
+    assert fit.samples == 58
+    assert fit.matrix == pytest.approx(clean.matrix, abs=1e-9)
+
+
+def test_many_disturbed_poses_are_refused() -> None:
+    field = readings_mg(60, 0.35)
+    field[:14] += 30.0 * np.random.default_rng(2).normal(size=(14, 3))
+    data = CalibrationData(field_mg=field, field_sd_mg=0.35, noise_known=True)
+    fit = fit_ellipsoid(data)
+    assert fit.cause in {Cause.FIELD_DISTURBED, Cause.RESIDUAL_TOO_LARGE}
+    assert "the field around the module changed" in fit.message
+
+
+def test_an_undisturbed_run_names_no_pose() -> None:
+    for seed in range(40):
+        data = CalibrationData(field_mg=readings_mg(48, 0.35, seed), field_sd_mg=0.35)
+        assert "disturbed_poses" not in fit_ellipsoid(replace(data, noise_known=True)).extra
+
+
+def test_residuals_that_known_noise_cannot_explain_are_refused_and_guessed_noise_is_not_asked() -> (
+    None
+):
+    data = CalibrationData(field_mg=readings_mg(60, 3.0), field_sd_mg=0.35)
+    assert not fit_ellipsoid(data).refused
+    fit = fit_ellipsoid(replace(data, noise_known=True))
+    assert fit.cause == Cause.RESIDUAL_TOO_LARGE
+    assert "times what the noise explains" in fit.message
+
+
+def test_the_strength_is_held_or_free_and_the_heading_is_the_same() -> None:
+    data = CalibrationData(field_mg=readings_mg(60, 0.5), station_field_mg=STATION)
+    held, free = fit_ellipsoid(data), fit_ellipsoid(data, strength_free=True)
+    assert held.field_mg == pytest.approx(500.0)
+    assert np.linalg.det(free.matrix) == pytest.approx(1.0)
+    assert free.field_mg == pytest.approx(500.0 / np.cbrt(np.linalg.det(SHAPE)), rel=1e-3)
+    ratio = np.cbrt(np.linalg.det(held.matrix))
+    assert held.matrix == pytest.approx(ratio * free.matrix, abs=1e-9)
+    assert held.predicted_heading_rms_deg == pytest.approx(free.predicted_heading_rms_deg)
+    assert "field_mg_sd" not in held.extra
+
+
+@pytest.mark.parametrize("strength_free", [True, False])
+def test_the_covariance_holds_the_matrix_with_a_held_and_with_a_free_strength(
+    strength_free: bool,
+) -> None:
+    squares, strengths = [], []
+    scale = np.cbrt(np.linalg.det(SHAPE)) if strength_free else 1.0
+    truth = (SHAPE / scale)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    for seed in range(60):
+        data = CalibrationData(field_mg=readings_mg(60, 0.5, seed), station_field_mg=STATION)
+        fit = fit_ellipsoid(data, strength_free=strength_free)
+        off = fit.matrix[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]] - truth
+        squares.append(off**2 / np.diag(fit.covariance)[:6])
+        if strength_free:
+            strengths.append((fit.field_mg - 500.0 / scale) / fit.extra["field_mg_sd"])
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.25)
+    if strength_free:
+        assert np.std(strengths) == pytest.approx(1.0, abs=0.3)
+
+
+def test_a_mirror_image_is_refused_where_force_and_station_tell(
+    drawn: Callable[..., Any],
+) -> None:
+    data = drawn(2).data
+    assert not fit_ellipsoid(data).refused
+    mirrored = replace(data, field_mg=data.field_mg * [1.0, -1.0, 1.0])
+    fit = fit_ellipsoid(mirrored)
+    assert fit.cause == Cause.DEGENERATE
+    assert "an axis is mirrored or two are swapped" in fit.message
+    turned = replace(data, field_mg=data.field_mg[:, [1, 2, 0]])
+    assert not fit_ellipsoid(turned).refused
+    assert not fit_ellipsoid(replace(mirrored, accel_g=None)).refused  # cannot be seen

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from bench.calibration.fit import rows_of
 from bench.calibration.fit_report import fit_report, fitted, split
-from bench.calibration.methods import METHODS, rows_of
+from bench.calibration.methods import METHODS
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from bench.calibration.compensation import Order
-from bench.calibration.fit import CalibrationData, Cause, Fit
-from bench.calibration.methods import METHODS, fit_all, fit_named, rows_of
+from bench.calibration.fit import CalibrationData, Cause, Fit, rows_of
+from bench.calibration.methods import METHODS, fit_all, fit_named
 from bench.calibration.ranking import (
     LevelAndTilt,
     borrowed_tilt,

@@ -8,8 +8,7 @@ import pytest
 from scipy.special import stdtrit
 
 from bench.calibration.accelerometer import fit_accelerometer
-from bench.calibration.fit import CalibrationData, Cause
-from bench.calibration.methods import rows_of
+from bench.calibration.fit import CalibrationData, Cause, rows_of
 from bench.calibration.prediction import grid_attitudes_deg
 from bench.calibration.ranking import heading_error
 from bench.calibration.sphere_model import sphere_rows, tilt_rows

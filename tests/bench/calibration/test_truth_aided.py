@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from bench.calibration.fit import Cause
-from bench.calibration.methods import rows_of
+from bench.calibration.fit import Cause, rows_of
 from bench.calibration.ranking import heading_errors_deg
 from bench.calibration.truth_aided import fit_truth_aided
 from bench.calibration.truth_disturbed import outstanding
@@ -134,6 +133,17 @@ def test_few_poses_are_refused(drawn: Callable[..., Any]) -> None:
     assert fit_truth_aided(data).cause == Cause.TOO_FEW
 
 
+@pytest.mark.parametrize("value", [1e8, 1e200, np.nan])
+def test_a_reading_beyond_any_magnetometer_is_refused(
+    drawn: Callable[..., Any], value: float
+) -> None:
+    data = drawn(1).data
+    data.field_mg[3, 0] = value
+    fit = fit_truth_aided(data)
+    assert fit.cause == Cause.DEGENERATE
+    assert "beyond" in fit.message
+
+
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_stuck_axis_is_refused_as_degenerate(drawn: Callable[..., Any], axis: int) -> None:
     data = drawn(1).data
@@ -159,6 +169,29 @@ def test_a_field_that_moved_all_the_time_is_refused_for_its_residual(
     data = drawn(1).data
     data.field_mg[:] += 100.0 * np.random.default_rng(1).normal(size=(72, 3))
     assert fit_truth_aided(data).cause == Cause.RESIDUAL_TOO_LARGE
+
+
+@pytest.mark.parametrize("size_mg", [3.0, 20.0])
+def test_forty_disturbed_poses_are_refused_where_the_noise_is_known(
+    drawn: Callable[..., Any], size_mg: float
+) -> None:
+    data = drawn(1).data
+    data.field_mg[::2] += size_mg * np.random.default_rng(1).normal(size=(36, 3))
+    data.field_mg[1:9:2] += size_mg
+    fit = fit_truth_aided(replace(data, noise_known=True))
+    assert fit.cause in {Cause.RESIDUAL_TOO_LARGE, Cause.FIELD_DISTURBED}
+    assert fit.message
+    assert not fit_truth_aided(data).refused  # where it is a guess, the prediction grows
+
+
+def test_a_good_unit_keeps_its_numbers_where_the_noise_is_known(drawn: Callable[..., Any]) -> None:
+    for seed in range(20):
+        data = drawn(seed).data
+        known, guessed = (
+            fit_truth_aided(replace(data, noise_known=flag)) for flag in (True, False)
+        )
+        assert known.matrix.tolist() == guessed.matrix.tolist()
+        assert known.predicted_heading_rms_deg == guessed.predicted_heading_rms_deg
 
 
 @pytest.mark.parametrize("size_mg", [5.0, 60.0])

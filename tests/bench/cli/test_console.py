@@ -1,11 +1,12 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 from bench.acceptance.measurement import Limit, Measurement
 from bench.acceptance.outcome import Outcome
 from bench.acceptance.verdict import Verdict
-from bench.cli.console import ConsoleProgress, print_verdict
+from bench.cli.console import ConsoleProgress, certainty_lines, print_verdict
 from bench.progress import RunState
 
 STATE = RunState(step="level_sweep", position=13, positions=150, elapsed_s=42.0, expected_s=351.0)
@@ -70,6 +71,24 @@ def test_verdict_has_shape_word_reason_and_next_action(capsys: object) -> None:
     assert "SN7" in text
     assert "too far off" in text
     assert "Red bin." in text
+
+
+def test_banner_says_how_sure_the_largest_errors_are(capsys: object) -> None:
+    limit = Limit(name="level_max", unit="deg", high=0.5, uncertainty=0.1, guard_factor=1.0)
+    value = {"name": "level_max", "step": "verify", "unit": "deg"}
+    first = Measurement(value=0.9, **value).judged(limit)  # type: ignore[arg-type]
+    second = replace(Measurement(value=0.4, **value), attempt=2).judged(limit)  # type: ignore[arg-type]
+    verdict = Verdict(outcome=Outcome.PASS, reason="all inside", next_action="Release.")
+
+    print_verdict(verdict, "SN7", None, measurements=[first, second])
+
+    text = capsys.readouterr().out  # type: ignore[attr-defined]
+    assert "level max 0.400 deg, U 0.1: inside 0.5 deg with 97.7 %" in text
+    assert "0.900" not in text
+
+
+def test_banner_says_nothing_of_errors_without_uncertainty() -> None:
+    assert certainty_lines([measurement(0.25)]) == []
 
 
 class ClosedPipe(io.StringIO):

@@ -23,7 +23,7 @@ NEW = dataclasses.replace(
 
 def test_reading_a_long_identifier_gives_its_bytes(diagnostics):
     assert diagnostics.read_did(uds.DID_SERIAL) == b"SN0001"
-    assert len(diagnostics.read_did(uds.DID_COEFFICIENTS)) == uds.BANK_LENGTH
+    assert len(diagnostics.read_did(uds.DID_COEFFICIENTS)) == uds.PLAIN_BANK_LENGTH
     assert diagnostics.read_coefficients() == DEFAULT_COEFFICIENTS
 
 

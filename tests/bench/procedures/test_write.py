@@ -67,3 +67,10 @@ def test_a_fit_for_two_axes_is_written_with_its_dip_and_its_horizontal_field():
 def test_a_fit_without_an_accelerometer_is_not_written():
     with pytest.raises(ConfigError, match="min_max must give magnetometer and accelerometer"):
         coefficients_of(whole_fit(method="min_max", accel_matrix=None), version=1)
+
+
+def test_the_anisotropy_fields_that_corrected_the_readings_are_written():
+    fit = whole_fit(hk_mg=np.array([8000.0, 0.0, 7900.0]))
+
+    assert coefficients_of(fit, version=1).hk_mg == (8000.0, 0.0, 7900.0)
+    assert coefficients_of(whole_fit(), version=1).hk_mg == (0.0, 0.0, 0.0)

@@ -42,7 +42,8 @@ def test_a_whole_run_fits_the_json_schema(record):
     assert set(record) == {
         "schema", "run", "software", "config", "bus", "station", "module", "rig", "poses", "steps",
         "measurements", "fits", "ranking", "coefficients", "deviation", "first_failure", "verdict",
-        "injected_faults", "files", "study",
+        "injected_faults", "files", "study", "bridge_terms", "uncertainty", "field_watch",
+        "adaptive", "reversal",
     }  # fmt: skip
     assert len(record["fits"]) == len(record["ranking"]) >= 3
     assert record["ranking"][0] == "truth_aided"
@@ -115,6 +116,31 @@ def test_records_of_two_axes_keep_the_dip_and_older_ones_have_none():
 
     assert coefficients_of(entry) == written
     assert coefficients_of(older) == DEFAULT_COEFFICIENTS
+
+
+def test_records_keep_the_anisotropy_fields_and_older_ones_have_none():
+    written = replace(DEFAULT_COEFFICIENTS, hk_mg=(8000.0, 0.0, 7900.0))
+    entry = plain(written)
+    older = {key: value for key, value in entry.items() if key != "hk_mg"}
+
+    assert coefficients_of(entry) == written
+    assert coefficients_of(older) == DEFAULT_COEFFICIENTS
+
+
+def test_a_fit_that_knows_the_cross_axis_term_comes_back_with_it():
+    from bench.calibration.fit import Fit
+    from bench.record.recorded_fits import fit_of
+
+    raw_mg = np.array([[300.0, -350.0, 433.0]])
+    fit = Fit(
+        method="m", offset_mg=np.ones(3), matrix=np.eye(3), hk_mg=np.array([8000.0, 0.0, 7900.0])
+    )
+    entry = json.loads(json.dumps(fit_entry(fit)))
+
+    assert (fit_of(entry).corrected_mg(raw_mg) == fit.corrected_mg(raw_mg)).all()
+    assert fit_of({**entry, "hk_mg": None}).hk_mg is None
+    del entry["hk_mg"]
+    assert fit_of(entry).hk_mg is None, "records of before the cross-axis term"
 
 
 def test_a_fit_entry_has_no_nan(site):

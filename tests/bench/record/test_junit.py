@@ -14,6 +14,7 @@ from bench.record.recorder import RunRecorder
 from protocols.clock import SimulatedClock
 
 LEVEL = Limit(name="level_max", unit="deg", high=0.5)
+GUARDED = Limit(name="level_max", unit="deg", high=0.5, uncertainty=0.1, guard_factor=1.0)
 DIP = Limit(name="dip_difference", unit="deg", high=0.1, missed=Outcome.ERROR)
 
 
@@ -49,6 +50,16 @@ def test_a_passed_run_has_no_failures(junit_after):
     values = {p.get("name"): p.get("value") for p in case.findall("properties/property")}
     assert values["value"] == "0.2"
     assert values["high"] == "0.5"
+
+
+def test_ratio_conformity_and_rule_are_told_where_the_uncertainty_is_known(junit_after):
+    root = junit_after(row("level_max", 0.2, GUARDED))
+
+    case = root.find("testsuite[@name='verify']/testcase")
+    values = {p.get("name"): p.get("value") for p in case.findall("properties/property")}
+    assert float(values["tur"]) == pytest.approx(5.0)
+    assert float(values["conformity"]) == pytest.approx(1.0)
+    assert values["rule"] == "guarded, w = 1 U"
 
 
 def test_a_missed_limit_is_a_failure_of_case_and_verdict(junit_after):

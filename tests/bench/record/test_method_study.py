@@ -12,7 +12,7 @@ from bench.acceptance.site import heading_error_deg, is_level
 from bench.calibration.ranking import RAW
 from bench.record.document import read_record
 from bench.record.method_charts import error_dots, method_panel, order_dots, panel_top_deg
-from bench.record.method_study import MethodRow, method_rows, order_rows
+from bench.record.method_study import MethodRow, method_rows, no_model, order_rows
 from bench.record.recorded_fits import (
     VERIFIED_KINDS,
     fit_of,
@@ -94,7 +94,7 @@ def test_report_ranks_raw_and_all_methods_and_marks_the_written_one(good_run):
     assert [row.name for row in rows][:2] == ["raw readings", "truth aided"]
     assert [plain or marked for plain, marked in names] == [row.name for row in rows]
     assert [marked for _, marked in names if marked] == ["truth aided"]
-    assert table.count("written to the module") == 1
+    assert table.count('<span class="soft">written</span>') == 1
 
 
 def test_order_of_compensation_is_shown_with_its_reason(good_run):
@@ -224,6 +224,90 @@ def test_only_the_last_attempt_of_a_step_counts():
 
     assert step_positions(record, VERIFIED_KINDS) == [2]
     assert step_positions(record, ("sweep",)) == [0]
+
+
+def test_what_was_expected_stands_beside_what_was_achieved_for_every_method(good_run):
+    record = read_record(good_run)
+
+    for row in method_rows(record):
+        assert row.expected["level_rms_deg"] == pytest.approx(row.level_rms_deg, rel=0.6), row.key
+        assert row.expected["tilt_max_deg"] == pytest.approx(row.tilt_max_deg, rel=0.6), row.key
+    (best, *_) = [row for row in method_rows(record) if row.written]
+    assert best.claimed_rms_deg < best.expected["level_rms_deg"] < best.expected["level_max_deg"]
+
+
+def test_the_recorded_expectation_is_that_of_the_band_that_is_drawn(good_run):
+    record = read_record(good_run)
+
+    swing = swing_of(good_run, record)
+
+    assert swing.expected.keys() == swing.methods.keys()
+    for method, points in swing.expected.items():
+        squares = [p.error_deg**2 + p.sd_deg**2 for p in points]
+        recorded = record["study"]["expected"][method]["level_rms_deg"]
+        assert np.sqrt(np.mean(squares)) == pytest.approx(recorded, abs=1e-9), method
+
+
+def study_of_one(claim_deg, achieved_deg, *, without="", noise_deg=0.09):
+    fit = entry("m", level_rms_deg=0.09, tilt_rms_deg=achieved_deg)
+    fit["predicted_heading_rms_deg"] = claim_deg
+    noise = {"level_deg": noise_deg, "tilt_deg": noise_deg}
+    return {
+        "fits": [fit],
+        "study": {"expected_noise": noise, "claim_without": {"m": without}, "expected": {"m": {}}},
+    }
+
+
+@pytest.mark.parametrize(
+    ("record", "marked"),
+    [
+        (study_of_one(0.03, 0.15), False),
+        (study_of_one(0.03, 0.25), True),
+        (study_of_one(0.20, 0.25), False),
+        (study_of_one(0.03, 5.00, without="level only"), False),
+        (study_of_one(0.03, 5.00, without="without rotation"), False),
+        (study_of_one(None, 5.00), False),
+        (study_of_one(0.03, 5.00, noise_deg=None), False),
+    ],
+)
+def test_a_method_is_marked_where_it_is_wrong_without_saying_so(record, marked):
+    (row,) = method_rows(record)
+
+    assert row.unsaid is marked
+
+
+def test_why_nothing_was_expected_is_said():
+    refused = entry("truth_aided", cause="degenerate")
+
+    assert no_model({"study": {"expected": {"raw": {}}}}) == ""
+    assert "fitted no model" in no_model({"fits": [entry("min_max")]})
+    assert "was refused" in no_model({"fits": [refused]})
+    assert no_model({"fits": [entry("truth_aided")]}) == "the record has none"
+
+
+def test_a_report_without_a_model_of_the_unit_says_so(good_run):
+    record = read_record(good_run)
+    record["study"]["expected"] = None
+
+    text = text_of(report_of(good_run, record))
+
+    assert "No expected error: the record has none." in text
+    assert swing_of(good_run, record).expected == {}
+
+
+def test_claim_expected_and_achieved_stand_on_one_scale():
+    row = MethodRow(
+        key="m", name="m", level_max_deg=2.0, claimed_max_deg=0.12, claim_without="level only",
+        expected={"level_max_deg": 1.9}, unsaid=True, tilt_max_deg=8.0,
+    )  # fmt: skip
+
+    drawing = xml_of(error_dots(row, LIMITS))
+
+    expected, achieved = drawing.findall("circle")
+    (claim,) = [c for c in drawing.findall("line") if "claim" in c.get("class")]
+    assert expected.get("class") == "mark level other"
+    assert float(claim.get("x1")) < float(expected.get("cx")) < float(achieved.get("cx"))
+    assert claim.get("class") == "claim unsaid"
 
 
 def test_errors_stand_on_a_logarithmic_scale_held_to_its_ends():

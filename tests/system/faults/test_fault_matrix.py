@@ -1,7 +1,8 @@
 """Every fault of the catalogue, through the whole bench: named, caught early, harmless when small.
 
 Given a fault at full strength the run is FAIL where the unit is at fault and ERROR where the
-bench is, and the first failure is the one that the catalogue names. At negligible strength
+bench is, and the first failure is the one that the catalogue names. What only passes by is
+repeated, and the run passes with a record of it. At negligible strength
 the unit passes, and in between the measurement gets worse with the strength.
 """
 
@@ -14,12 +15,17 @@ import pytest
 from typer.testing import CliRunner
 
 from bench.cli.main import app
-from devices.faults import FAULTS
+from devices.faults import FAULTS, FaultKind
 
-OF_THE_BENCH = ("module_silent", "rig_fault")
+OF_THE_BENCH = ("module_silent", "rig_fault", "field_changed", "reference_silent")
 """First failures that are no measurements: the bench could not judge the unit."""
+FAILING = [name for name, fault in FAULTS.items() if not fault.passes]
+OF_THE_SEAT = [name for name, fault in FAULTS.items() if fault.kind is FaultKind.SEAT]
+"""What only a reversal sees: the error of the bench stands in a measurement."""
 BEFORE_THE_WRITE = [
-    name for name, fault in FAULTS.items() if fault.detects not in (*OF_THE_BENCH, "read_back")
+    name
+    for name in FAILING
+    if name not in OF_THE_SEAT and FAULTS[name].detects not in (*OF_THE_BENCH, "read_back")
 ]
 KINDS = {
     kind: tuple(names)
@@ -39,9 +45,13 @@ WORSE_WITH_STRENGTH = {
 """Measurement, which way is worse, and strengths between none and the end of its scale."""
 
 
-def test_the_catalogue_has_ten_kinds():
-    assert len(FAULTS) == 20
-    assert len(KINDS) == 10
+def run_that_sees(bench, name):
+    return bench.run(name, procedure="bench_verify" if name in OF_THE_SEAT else "eol_three_axis")
+
+
+def test_the_catalogue_has_fifteen_kinds():
+    assert len(FAULTS) == 25
+    assert len(KINDS) == 15
     assert sorted(itertools.chain(*KINDS.values())) == sorted(FAULTS)
 
 
@@ -54,15 +64,26 @@ def test_the_command_lists_the_catalogue_with_what_finds_each_fault_first():
     assert all(each["kind"] and each["breaks"].endswith(".") for each in listed)
 
 
-@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("name", FAILING)
 def test_a_full_fault_is_found_first_by_what_the_catalogue_names(bench, name):
     detects = FAULTS[name].detects
-    run = bench.run(name)
+    run = run_that_sees(bench, name)
 
-    of_the_bench = detects in OF_THE_BENCH
+    of_the_bench = detects in OF_THE_BENCH or name in OF_THE_SEAT
     assert run.first_failure == detects
     assert (run.outcome, run.exit_code) == (("ERROR", 4) if of_the_bench else ("FAIL", 1))
     assert run.record["injected_faults"] == [name]
+
+
+@pytest.mark.parametrize("name", [name for name in FAULTS if FAULTS[name].passes])
+def test_what_passes_by_is_repeated_and_the_section_that_the_catalogue_names_says_so(bench, name):
+    run = bench.run(name)
+
+    assert (run.outcome, run.exit_code, run.first_failure) == ("PASS", 0, None), run.reason
+    spoiled = run.record[FAULTS[name].detects]["spoiled"]
+    assert spoiled
+    assert all(each["repeated_as"] > each["position"] for each in spoiled)
+    assert len(run.events("pose_spoiled")) == len(spoiled)
 
 
 @pytest.mark.parametrize("name", BEFORE_THE_WRITE)
@@ -73,12 +94,17 @@ def test_a_broken_sensor_is_never_written_to(bench, name):
     assert [step["kind"] for step in run.record["steps"]].count("write") == 0
 
 
-@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("name", FAILING)
 def test_the_operator_is_told_what_was_found_and_what_to_do(bench, name):
-    run = bench.run(name)
+    run = run_that_sees(bench, name)
 
     verdict = run.record["verdict"]
-    sentence = {"rig_fault": f"{name.removeprefix('axis_stalled_')} axis", "module_silent": "sent"}
+    sentence = {
+        "rig_fault": f"{name.removeprefix('axis_stalled_')} axis",
+        "module_silent": "sent",
+        "field_changed": "field at the station",
+        "reference_silent": "reference magnetometer",
+    }
     assert sentence.get(FAULTS[name].detects, FAULTS[name].detects) in verdict["reason"]
     assert verdict["next_action"]
     failing = [m for m in run.record["measurements"] if m["outcome"] in ("FAIL", "ERROR")]
