@@ -16,7 +16,10 @@ LOST_NAME = "frames_lost"
 
 
 class CheckBus(Step):
-    """Wait for the module and the reference magnetometer, listen, and judge bus load and lost frames since the start."""
+    """Wait for module and reference magnetometer, listen, judge bus load and lost frames.
+
+    Both count since the start of the run.
+    """
 
     kind: Literal["check_bus"]
     listen: Seconds = 0.5
