@@ -12,6 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from bench.acceptance.catalogue import CHECKS, MEASUREMENTS
 from bench.acceptance.outcome import Outcome
 from bench.acceptance.verdict import last_attempts
+from bench.record.bridge_words import adaptive_words, bridge_rows
 from bench.record.certainty import certainty, probability_words, share_words
 from bench.record.charts import Band, heading_error_chart, limit_bar, xy_chart
 from bench.record.document import RecordDocument, read_record
@@ -88,6 +89,8 @@ def report_of(run_dir: Path, record: Mapping[str, Any]) -> str:
             **method_section(swing, record, {band.name: band.limit_deg for band in bands}),
             sure=certainty(record, {band.name: band for band in bands}),
             watch=field_watch(record),
+            bridge=bridge_rows(record),
+            adaptive=adaptive_words(record),
             repeated=[entry for entry in record["steps"] if entry["attempt"] > 1],
         )
     )
