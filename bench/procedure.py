@@ -174,6 +174,13 @@ class Procedure(FileModel):
     def _a_reversal_has_its_mountings(self) -> Self:
         declared = list(self._declared(self.steps))
         mounts = [step for step in declared if isinstance(step, Mount)]
+        reversals = sum(isinstance(step, Reversal) for step in self.walk())
+        if reversals > 1 or (mounts and not reversals):
+            message = (
+                "a procedure that remounts the unit must have one reversal step; "
+                f"instead received {reversals or 'none'}"
+            )
+            raise ValueError(message)
         for place, step in enumerate(declared):
             before = {other.mounting for other in declared[:place] if isinstance(other, Mount)}
             if isinstance(step, Reversal) and len(before) < 2:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Final
 
+from bench.acceptance.catalogue import BUDGETED
 from bench.acceptance.heading_uncertainty import uncertainty_section
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def differing_uncertainty(
     Parameters
     ----------
     recorded : mapping
-        Section `uncertainty`; an empty one differs from nothing.
+        Section `uncertainty`; an empty one differs where a computed uncertainty was judged by.
     verifications : iterable of (readings, budget)
         Every verification of the run, computed anew.
     judged : sequence of Measurement
@@ -45,7 +46,9 @@ def differing_uncertainty(
         Empty, or one entry such as ``uncertainty.headings.3.u_deg``.
     """
     if not recorded.get("headings"):
-        return []
+        computed = any(True for _ in verifications)
+        claimed = any(one.name in BUDGETED and one.tur is not None for one in judged)
+        return ["uncertainty"] if computed and claimed else []
     positions = [row["position"] for row in recorded["headings"]]
     for readings, budget in verifications:
         if [int(position) for position in readings["position"]] == positions:

@@ -34,12 +34,15 @@ Counts = tuple[int, int, int]
 
 SILENCE_S: Final = 0.5
 """Without a usable frame for so long, the node is silent."""
+FROZEN_S: Final = 10.0
+"""A sensor that is alive does not send one and the same reading for so long."""
 FRESH_S: Final = 0.1
 """An older reading stands beside no cycle of the module."""
 NO_COUNTS: Final[Counts] = (-(2**15),) * 3
 """Stands where there is no reading; the node never sends it."""
 
 _SILENCE_TICKS: Final = round(SILENCE_S / TICK_S)
+_FROZEN_TICKS: Final = round(FROZEN_S / TICK_S)
 _FRESH_TICKS: Final = round(FRESH_S / TICK_S)
 _WHAT_TO_DO: Final = "check its supply and its plug, or take it out of the station file"
 
@@ -63,6 +66,7 @@ class Reference:
         self._state = E2eState.NOT_AVAILABLE
         self._counts = NO_COUNTS
         self._last_tick: int | None = None
+        self._changed_tick = 0
         self._watched = False
         bus.subscribe(can_id, self._on_field)
         bus.subscribe(address_claimed_id(address), self._on_claim)
@@ -128,7 +132,10 @@ class Reference:
     def _on_field(self, frame: Frame) -> None:
         self._state = self._receiver.check(frame.data)
         if self._state.usable:
-            self._counts = unpack_counts(frame.data)
+            counts = unpack_counts(frame.data)
+            if counts != self._counts:
+                self._changed_tick = self.bus.tick_count
+            self._counts = counts
             self._last_tick = self.bus.tick_count
 
     def _on_claim(self, frame: Frame) -> None:
@@ -142,6 +149,14 @@ class Reference:
             message = (
                 f"the station's reference magnetometer {self.address:#04x} has sent nothing "
                 f"usable for {SILENCE_S:g} s: {_WHAT_TO_DO}"
+            )
+            raise ReferenceSilent(message)
+        if self.bus.tick_count - self._changed_tick > _FROZEN_TICKS:
+            self._watched = False
+            message = (
+                f"the station's reference magnetometer {self.address:#04x} has sent one and the "
+                f"same reading for {FROZEN_S:g} s, without any noise: it is frozen or at the end "
+                f"of its scale; {_WHAT_TO_DO}"
             )
             raise ReferenceSilent(message)
         if len(self.claims) > 1:

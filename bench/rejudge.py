@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 
 LARGEST_DIFFERENCE: Final = 1e-9
 """Relative difference up to which a recomputed value is the recorded one."""
-DECISION_KEYS: Final = ("uncertainty", "guard_band", "tur", "conformity")
+DECISION_KEYS: Final = (
+    "low", "high", "uncertainty", "guard_band", "tur", "conformity", "outcome",
+)  # fmt: skip
 """What follows from the value, the limits and the uncertainty, and is compared as well."""
 
 
@@ -168,8 +170,14 @@ def _decided_otherwise(judged: Measurement, entry: Mapping[str, Any]) -> list[st
     return [
         f"{judged.step}/{judged.name} {key}"
         for key in DECISION_KEYS
-        if key in entry and not _same(_number(again[key]), _number(entry[key]))
+        if key in entry and not _same_entry(again[key], entry[key])
     ]
+
+
+def _same_entry(fresh: float | str | None, recorded: float | str | None) -> bool:
+    if isinstance(fresh, str) or isinstance(recorded, str):
+        return fresh == recorded
+    return _same(_number(fresh), _number(recorded))
 
 
 def _number(value: float | None) -> float:

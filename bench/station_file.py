@@ -136,6 +136,13 @@ class ReferenceEntry(NotNegative):
     change: Milligauss = 0.6
     """Change of the field during a run, any axis, from which on a pose is spoiled."""
 
+    @model_validator(mode="after")
+    def _noise_is_no_change(self) -> Self:
+        if self.change == 0.0:
+            message = "change must be above zero: every pose would be spoiled; instead received 0"
+            raise ValueError(message)
+        return self
+
 
 class StationFile(FileModel):
     """A station file."""

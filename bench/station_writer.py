@@ -119,7 +119,7 @@ def write_station(source: Path, target: Path, changes: Changes) -> Station:
 
 
 def require_written(station: Station, changes: Changes) -> None:
-    """Check that a station holds the seat and the field azimuth that were written.
+    """Check that a station holds seat and field azimuth, with their U, as they were written.
 
     Raises
     ------
@@ -133,11 +133,17 @@ def require_written(station: Station, changes: Changes) -> None:
         "roll": _angle(seat.roll_deg),
         "iron": f"[{', '.join(map(_field, seat.iron_mg))}]",
         "index_uncertainty": _angle(seat.u_index_deg),
+        "level_uncertainty": _angle(seat.u_level_deg),
+        "iron_uncertainty": _field(seat.u_iron_mg),
+        "iron_down_uncertainty": _field(seat.u_iron_down_mg),
         "golden": f'"{seat.golden}"',
     }
     wrong = [name for name, text in held.items() if changes["seat"][name] != text]
-    if changes["field_azimuth"] != _angle(station.field_azimuth_deg):
-        wrong.append("field_azimuth")
+    field = {
+        "field_azimuth": _angle(station.field_azimuth_deg),
+        "field_azimuth_uncertainty": _angle(station.u_field_azimuth_deg),
+    }
+    wrong += [name for name, text in field.items() if changes[name] != text]
     if wrong:
         message = f"{', '.join(wrong)} must read as written; write these by hand"
         raise ConfigError(message)

@@ -111,6 +111,8 @@ def _complaint(detail: ErrorDetails, names: list[str], model: type[BaseModel]) -
             key = str(detail["loc"][-1])
             known = known_keys(model.model_json_schema(), detail["loc"][:-1])
             return f"unknown key {key!r}{_suggestion(key, known)}"
+        case "missing" if isinstance(detail["loc"][-1], int):
+            return f"{where}: value is missing"
         case "missing":
             return f"key {str(detail['loc'][-1])!r} is missing"
         case "union_tag_invalid":

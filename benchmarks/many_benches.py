@@ -68,12 +68,13 @@ def drawn_benches(first: int, count: int, station: Station) -> Benches:
         [np.random.default_rng((SEAT_STREAM, number, 1)).random(2) for number in numbers]
     )
     seat, around = station.seat, station.surroundings
+    u_iron_mg = np.array([seat.u_iron_mg, seat.u_iron_mg, seat.u_iron_down_mg])
     return Benches(
         geometry_deg=np.array([[getattr(rig, name) for name in GEOMETRY] for rig in rigs]),
         encoders=np.array(encoders),
         index_deg=0.5 * seat.u_index_deg * normal[:, 0],
         level_deg=0.5 * seat.u_level_deg * normal[:, 1:3],
-        iron_mg=0.5 * seat.u_iron_mg * normal[:, 3:6],
+        iron_mg=0.5 * u_iron_mg * normal[:, 3:6],
         field_azimuth_deg=0.5 * station.u_field_azimuth_deg * normal[:, 6],
         gradient_mg=0.5 * around.u_gradient_mg * normal[:, 7:16].reshape(-1, 3, 3),
         lever=normal[:, 16:] / np.linalg.norm(normal[:, 16:], axis=1, keepdims=True),

@@ -154,6 +154,5 @@ def _rows(
     rows["noise_mg"], rows["accel_sd_g"] = NOISE_MG, NOISE_G
     rows["heading_deg"] = heading_deg[unit]
     rows["temperature_c"] = readings.temperature_c[unit]
-    if "reference_mg" in (READING.names or ()):
-        rows["reference_mg"] = np.nan
+    rows["reference_mg"] = np.nan
     return rows

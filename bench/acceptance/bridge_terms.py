@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.acceptance.site import expected_force_g, is_level, total_field_mg
+from bench.acceptance.site import (
+    expected_field_mg,
+    expected_force_g,
+    is_level,
+    total_field_mg,
+)
 from bench.calibration.cross_axis import corrected, cross_axis_of, knowing
 from bench.calibration.hysteresis import hysteresis_of
 from bench.calibration.methods import fit_named
@@ -143,10 +148,10 @@ def temperature_terms(
     terms = {"offset_tempco_mg_per_c": _term(offset, OFFSET_CANCELS)}
     if fit is None or fit.refused or fit.two_axis or fit.accel_matrix is None:
         return terms
-    total_mg = total_field_mg(site)
-    strength = np.linalg.norm(fit.corrected_mg(readings["field_mg"]), axis=1) / total_mg
-    gain = sensitivity_tempco_per_c(strength, temperature_c, drift_sd_mg / total_mg)
-    left_g = fit.corrected_g(readings["accel_g"]) - expected_force_g(readings)
+    there_mg = np.linalg.norm(expected_field_mg(readings, site), axis=1)
+    strength = np.linalg.norm(fit.corrected_mg(readings["field_mg"]), axis=1) / there_mg
+    gain = sensitivity_tempco_per_c(strength, temperature_c, drift_sd_mg / total_field_mg(site))
+    left_g = fit.corrected_g(readings["accel_g"]) - expected_force_g(readings, site.seat)
     drift = accel_drift_g_per_c(left_g, temperature_c, readings["t_s"])
     return terms | {
         "sensitivity_tempco_per_c": _term(gain, GAIN_CANCELS),

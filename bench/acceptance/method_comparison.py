@@ -51,18 +51,23 @@ def study_of(fits: Mapping[str, Fit], readings: NDArray[np.void], site: SiteFiel
 
 
 def expected_of(
-    fits: Mapping[str, Fit], readings: NDArray[np.void], site: SiteField
+    fits: Mapping[str, Fit],
+    readings: NDArray[np.void],
+    site: SiteField,
+    zero_change_g: float = 0.0,
 ) -> dict[str, Any]:
     """Return what the record's study says of errors to expect, from the attitudes alone.
+
+    `zero_change_g` is what the accelerometer's zero moves until then (`uncertainty.zero_change`).
 
     Returns
     -------
     dict
         ``expected``: errors by method, None where no accepted truth-aided fit models the unit;
-        ``expected_noise``: the part of one reading's noise; ``claim_without``: what the own
-        predicted error of each method leaves out.
+        ``expected_noise``: the part of one reading's noise; ``expected_zero_change_g``:
+        `zero_change_g`; ``claim_without``: what the own predicted error of each method leaves out.
     """
-    found = expectation(fits, comparison_data(readings, site, fits))
+    found = expectation(fits, comparison_data(readings, site, fits), zero_change_g)
     without = {name: CLAIM_WITHOUT[name] for name in fits}
     if found is None:
         return {"expected": None, "claim_without": without}
@@ -70,6 +75,7 @@ def expected_of(
     return {
         "expected": parts["errors"],
         "expected_noise": parts["noise"],
+        "expected_zero_change_g": zero_change_g,
         "claim_without": without,
     }
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from bench.acceptance.measurement import Measurement
 from bench.acceptance.site import calibration_data
-from bench.calibration.reversal import FormerSeat, reversal
+from bench.calibration.reversal import COVERAGE_FACTOR, FormerSeat, reversal
 from bench.calibration.reversal_effects import BenchDoubts
 from protocols.angles import wrap_180_deg
 
@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from bench.calibration.reversal import Reversal
     from bench.station import Station
 
-COVERAGE_FACTOR = 2.0
-CHANGES = {
+CHANGES: Final = {
     "seat_index_change": ("index",),
     "seat_level_change": ("pitch", "roll"),
     "fixture_iron_change": ("iron_x", "iron_y", "iron_z"),

@@ -259,10 +259,6 @@ def _strength(station_mg: NDArray[np.float64]) -> float:
     return float(np.sqrt(station_mg @ station_mg))
 
 
-def _sine(station_mg: NDArray[np.float64] | None) -> float:
-    return DEFAULT_SINE if station_mg is None else float(station_mg[2]) / _strength(station_mg)
-
-
 def _coefficients(
     fitted: FittedEllipsoids, cause: NDArray[np.int8], given: _Given
 ) -> SphereCoefficients:

@@ -3,9 +3,9 @@
 The accepted truth-aided fit is a model of the unit: W and b of both sensors, field direction, base
 level, their covariance, and what one reading is off. At an attitude it predicts the raw readings,
 a method's coefficients make a heading of them, and that heading is off by a bias that is known
-and by a part that is not: the model's covariance, carried through those same coefficients, and
-the next reading's own noise. So it tells what a method's own covariance cannot: what the method
-does not model.
+and by a part that is not: the model's covariance, carried through those same coefficients, the
+next reading's own noise, and what the accelerometer's zero moves on until then. So it tells what
+a method's own covariance cannot: what the method does not model.
 
 Given the calibration readings, a method's coefficients are fixed numbers and only the unit is
 uncertain; so one rule serves all methods, the truth-aided one among them (posterior predictive
@@ -113,7 +113,7 @@ class UnitReadings:
 class PoseErrors:
     """Heading error to expect at each pose, all shape (n,): its mean and standard deviations.
 
-    `noise_sd_deg` is the part of the next reading's own noise; `sd_deg` holds the model's as well.
+    `noise_sd_deg` is the part of the next reading's own noise; `sd_deg` holds all parts.
     """
 
     mean_deg: NDArray[np.float64]
@@ -121,9 +121,11 @@ class PoseErrors:
     noise_sd_deg: NDArray[np.float64]
 
 
-def expectation(fits: Mapping[str, Fit], data: CalibrationData) -> Expectation | None:
+def expectation(
+    fits: Mapping[str, Fit], data: CalibrationData, zero_change_g: float = 0.0
+) -> Expectation | None:
     """Return the statistics of `expected_errors` over level and over tilted attitudes."""
-    poses = expected_errors(fits, data)
+    poses = expected_errors(fits, data, zero_change_g)
     if poses is None:
         return None
     level = is_level(data)
@@ -137,7 +139,9 @@ def expectation(fits: Mapping[str, Fit], data: CalibrationData) -> Expectation |
     )
 
 
-def expected_errors(fits: Mapping[str, Fit], data: CalibrationData) -> dict[str, PoseErrors] | None:
+def expected_errors(
+    fits: Mapping[str, Fit], data: CalibrationData, zero_change_g: float = 0.0
+) -> dict[str, PoseErrors] | None:
     """Return the heading errors to expect at the attitudes of `data`; its readings take no part.
 
     Parameters
@@ -147,6 +151,9 @@ def expected_errors(fits: Mapping[str, Fit], data: CalibrationData) -> dict[str,
     data : CalibrationData
         Attitudes by the rig and the station's field. `accel_g` of None says that the tilt is
         given; a method without an accelerometer's coefficients else borrows it as in `study`.
+    zero_change_g : float
+        Standard deviation, each axis, of what the accelerometer's zero moves from the readings
+        of the fits to these.
 
     Returns
     -------
@@ -165,7 +172,7 @@ def expected_errors(fits: Mapping[str, Fit], data: CalibrationData) -> dict[str,
     accepted = {name: fit for name, fit in fits.items() if not fit.refused}
     tilts = {name: borrowed_tilt(fit, fits, data)[1] for name, fit in accepted.items()}
     return {
-        name: _pose_errors(readings, data, fit, tilts.get(name))
+        name: _pose_errors(readings, data, fit, tilts.get(name), zero_change_g)
         for name, fit in ((RAW, None), *accepted.items())
     }
 
@@ -225,7 +232,11 @@ def largest_deg(mean_deg: NDArray[np.float64], sd_deg: NDArray[np.float64]) -> f
 
 
 def _pose_errors(
-    readings: UnitReadings, data: CalibrationData, fit: Fit | None, tilt: Fit | None
+    readings: UnitReadings,
+    data: CalibrationData,
+    fit: Fit | None,
+    tilt: Fit | None,
+    zero_change_g: float,
 ) -> PoseErrors:
     heading_deg = _heading_deg(readings.raw, data, fit, tilt)
     columns = []
@@ -238,9 +249,10 @@ def _pose_errors(
     by_parameter = np.einsum("ni,nip->np", gradient, readings.jacobian)
     by_unit = np.einsum("np,pq,nq->n", by_parameter, readings.covariance, by_parameter)
     by_noise = (gradient**2 * readings.sd**2).sum(axis=1)
+    by_zero = (gradient[:, 3:] ** 2).sum(axis=1) * zero_change_g**2
     return PoseErrors(
         mean_deg=wrap_180_deg(heading_deg - expected_heading_deg(data)),
-        sd_deg=np.sqrt(np.maximum(by_unit, 0.0) + by_noise),
+        sd_deg=np.sqrt(np.maximum(by_unit, 0.0) + by_noise + by_zero),
         noise_sd_deg=np.sqrt(by_noise),
     )
 

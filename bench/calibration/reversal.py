@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from bench.calibration.reversal_model import Mounted
 
 COVERAGE_FACTOR: Final = 2.0
+"""k of every expanded uncertainty, here and in the station's record."""
 LARGEST_CHI2: Final = 4.0
 """Reduced chi-square from which on the readings contradict the model."""
 _AZIMUTH, _DIP = 24, 25
@@ -278,8 +279,8 @@ def _uncertainties(
             continue
         iron = name.startswith("iron")
         unit = COVERAGE_FACTOR * (1.0 if iron else float(np.rad2deg(1.0)))
-        held = solution.state.iron_mg[int(name[-1] in "yz") + int(name[-1] == "z")] if iron else 0.0
-        strength = abs(float(held)) * doubts.strength
+        iron_mg = float(solution.state.iron_mg["xyz".index(name[-1])]) if iron else 0.0
+        strength = iron_mg * doubts.strength
         variance = solution.covariance[at, at] * widened + strength**2
         u[name] = unit * float(np.sqrt(variance))
         moved = {

@@ -16,6 +16,7 @@ import numpy as np
 from bench.calibration.mountings import SEAT_FROM_UNIT
 from bench.calibration.tilt import ned_from_body
 from bench.calibration.truth_model import base_rotation, field_direction, rig_poses
+from bench.calibration.truth_rows import DOWN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,7 +31,6 @@ SEAT_NAMES: Final = ("roll", "pitch", "index", "iron_x", "iron_y", "iron_z")
 """The seat's parameters, the last six of the model's 34."""
 UNKNOWNS: Final = 34
 SEAT: Final = slice(28, 34)
-DOWN: Final = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

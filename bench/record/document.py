@@ -222,6 +222,7 @@ class StudySection(StrictSection):
     orders: dict[str, dict[str, AchievedHeading]] = {}
     expected: dict[str, AchievedHeading] | None = None
     expected_noise: ReadingNoise = ReadingNoise()
+    expected_zero_change_g: float = 0.0
     claim_without: dict[str, str] = {}
 
 

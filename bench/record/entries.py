@@ -145,23 +145,26 @@ def coefficients_of(entry: Mapping[str, Any]) -> Coefficients:
     try:
         return Coefficients(
             version=int(entry["version"]),
-            mag_offset_mg=_flat(entry["mag_offset_mg"]),
-            mag_matrix=_flat(entry["mag_matrix"]),
-            accel_offset_g=_flat(entry["accel_offset_g"]),
-            accel_matrix=_flat(entry["accel_matrix"]),
+            mag_offset_mg=_flat(entry["mag_offset_mg"], 3),
+            mag_matrix=_flat(entry["mag_matrix"], 9),
+            accel_offset_g=_flat(entry["accel_offset_g"], 3),
+            accel_matrix=_flat(entry["accel_matrix"], 9),
             # records of before the two-axis module do not name them
             extended_dip_deg=float(entry.get("extended_dip_deg", 0.0)),
             horizontal_mg=float(entry.get("horizontal_mg", 0.0)),
             # nor did those of before the cross-axis term
-            hk_mg=_flat(entry.get("hk_mg", [0.0, 0.0, 0.0])),
+            hk_mg=_flat(entry.get("hk_mg", [0.0, 0.0, 0.0]), 3),
         )
     except (KeyError, TypeError, ValueError) as error:
         message = f"coefficients of the record must be a whole set; instead {error} is wrong there"
         raise ConfigError(message) from error
 
 
-def _flat(values: list[Any]) -> tuple[float, ...]:
+def _flat(values: list[Any], count: int) -> tuple[float, ...]:
     flat: list[float] = []
     for value in values:
-        flat.extend(value if isinstance(value, list) else [value])
+        flat.extend(map(float, value if isinstance(value, list) else [value]))
+    if len(flat) != count or not all(map(math.isfinite, flat)):
+        message = f"a row of {len(flat)} numbers in the place of {count} finite ones"
+        raise ValueError(message)
     return tuple(flat)

@@ -40,12 +40,15 @@ class RecordedFits:
         Whether the methods were compared with the rig's tilt in place of the measured one.
     expected : bool
         Whether the record says what errors were to be expected.
+    zero_change_g : float
+        What the accelerometer's zero was to move until the verification.
     """
 
     by_method: dict[str, Fit]
     tilts: dict[str, Fit | None]
     given: bool = False
     expected: bool = False
+    zero_change_g: float = 0.0
 
     def heading_deg(
         self, method: str, field_mg: NDArray[np.float64], rows: NDArray[np.void]
@@ -83,7 +86,7 @@ class RecordedFits:
         if not self.expected or not len(readings):
             return {}
         data = comparison_data(readings, site, self.by_method)
-        return expected_errors(self.by_method, data) or {}
+        return expected_errors(self.by_method, data, self.zero_change_g) or {}
 
 
 def recorded_fits(record: Mapping[str, Any]) -> RecordedFits:
@@ -96,12 +99,14 @@ def recorded_fits(record: Mapping[str, Any]) -> RecordedFits:
         for entry in ranked_entries(record)
         if not entry.get("cause") and entry.get("matrix") is not None
     }
+    study = record.get("study") or {}
     sources = {str(entry["method"]): tilt_source(record, entry) for entry in ranked_entries(record)}
     return RecordedFits(
         by_method=fits,
         tilts={method: fits.get(sources[method]) for method in fits},
         given=GIVEN in sources.values(),
-        expected=bool((record.get("study") or {}).get("expected")),
+        expected=bool(study.get("expected")),
+        zero_change_g=float(study.get("expected_zero_change_g") or 0.0),
     )
 
 

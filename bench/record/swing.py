@@ -16,6 +16,7 @@ from bench.acceptance.site import (
 )
 from bench.acceptance.two_axis_evaluation import fit_of
 from bench.calibration.ranking import RAW
+from bench.errors import ConfigError
 from bench.record.entries import coefficients_of
 from bench.record.recorded_fits import (
     VERIFIED_KINDS,
@@ -87,9 +88,12 @@ def site_of(record: Mapping[str, Any]) -> SimpleNamespace | None:
     keys = ("horizontal_mg", "dip_deg", "field_azimuth_deg")
     if any(station.get(key) is None for key in keys):
         return None
-    return SimpleNamespace(
-        **{key: float(station[key]) for key in keys}, seat=seat_of(station.get("seat") or {})
-    )
+    try:
+        seat = seat_of(station.get("seat") or {})
+    except (AttributeError, TypeError, ValueError) as error:
+        message = f"the record's station must hold its seat in numbers; instead {error}"
+        raise ConfigError(message) from error
+    return SimpleNamespace(**{key: float(station[key]) for key in keys}, seat=seat)
 
 
 def swing_of(run_dir: Path, record: Mapping[str, Any]) -> Swing:

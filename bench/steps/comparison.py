@@ -34,7 +34,10 @@ def compare_methods(context: RunContext, readings: NDArray[np.void]) -> None:
     for name, fit in context.fits.items():
         context.recorder.fit(fit, achieved[name])
     ranked = ranking(achieved)
-    expected = context.compute(partial(expected_of, context.fits, readings, context.station))
+    change_g = _zero_change_g(context, readings)
+    expected = context.compute(
+        partial(expected_of, context.fits, readings, context.station, change_g)
+    )
     context.recorder.set("study", {**compared.as_dict(), **expected})
     context.recorder.set("ranking", ranked)
     if context.judged_fit is None:
@@ -50,6 +53,15 @@ def compare_methods(context: RunContext, readings: NDArray[np.void]) -> None:
                 behind_deg=behind.value,
                 uncertainty_deg=uncertainty_deg,
             )
+
+
+def _zero_change_g(context: RunContext, readings: NDArray[np.void]) -> float:
+    """Return what the accelerometer's zero moves after the calibration; 0 of an unknown part."""
+    from bench.uncertainty.zero_change import zero_change_g
+
+    unit = context.limits.unit
+    before = context.readings_at(context.calibration_positions)
+    return 0.0 if unit is None else zero_change_g(before, readings, unit)
 
 
 def _uncertainty_deg(context: RunContext) -> float:

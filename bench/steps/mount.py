@@ -34,5 +34,6 @@ class Mount(Step):
         rig = context.require_rig()
         rig.move_to(Attitude(azimuth_deg=0.0))
         remount(context, self.mounting)
+        context.field_watch.anchors.clear()  # the field in the unit's own axes is another now
         context.mountings.append((self.mounting, len(context.poses)))
         context.event("mounted", mounting=self.mounting)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
+
+from pydantic import Field
 
 from bench.quantity import Degrees
 from bench.steps.step import Step
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
     from bench.calibration.mountings import Mounting
     from bench.run_context import RunContext
 
-REVERSAL_NAMES = (
+REVERSAL_NAMES: Final = (
     "fit_accepted",
     "seat_index_change",
     "seat_level_change",
@@ -25,13 +27,14 @@ REVERSAL_NAMES = (
     "fit_residual",
     "seating",
 )
+"""Measurements of `reversal_evaluation.evaluate_reversal`."""
 
 
 class Reversal(Step):
     """Seat index, level, fixture iron and field azimuth against the station's file."""
 
     kind: Literal["reversal"]
-    seating_uncertainty: Degrees = 0.02
+    seating_uncertainty: Annotated[Degrees, Field(ge=0.0, le=1.0)] = 0.02
     """U (k = 2) of each of the three turns of a unit that is put in again."""
 
     def run(self, context: RunContext) -> None:

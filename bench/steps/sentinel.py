@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from bench.pose import Attitude
 from bench.quantity import Degrees, Milligauss, Seconds
@@ -38,6 +38,13 @@ class Sentinel(FileModel):
     """Time over which the field is averaged."""
     always: bool = False
     """Whether to visit it at a station with a reference magnetometer as well."""
+
+    @model_validator(mode="after")
+    def _a_change_can_be_seen(self) -> Self:
+        if self.change <= 0.0:
+            message = f"change must be above zero; instead received {self.change:g} mG"
+            raise ValueError(message)
+        return self
 
     def among(
         self, planned: Sequence[PlannedPose], *, with_reference: bool

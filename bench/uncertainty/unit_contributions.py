@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 DITHERED_SHARE: Final = 0.4
 """Noise over one count from which on the rounding of a reading is random (dither)."""
-_WANDER_S: Final = 100.0
+WANDER_S: Final = 100.0
+"""Time over which the walk of `accel_wander_g` is stated."""
 
 
 def unit_contributions(
@@ -161,7 +162,7 @@ def _accelerometer_wander(
     n, order = len(readings), np.argsort(readings["t_s"], kind="stable")
     t_s = readings["t_s"][order]
     walk = np.empty((n, n))
-    walk[order] = np.tril(np.ones((n, n))) * np.sqrt(np.diff(t_s, prepend=t_s[:1]) / _WANDER_S)
+    walk[order] = np.tril(np.ones((n, n))) * np.sqrt(np.diff(t_s, prepend=t_s[:1]) / WANDER_S)
     walk_g = unit.accel_wander_g * (walk - walk.mean(axis=0))
     columns = by.raw_force.T[:, :, None] * walk_g
     return Contribution(

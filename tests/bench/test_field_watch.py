@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from bench.errors import FieldChanged
 from bench.field_watch import FieldWatch, block_means
 from bench.record.document import FieldWatchSection
 from bench.record.spoiled_poses import unused_positions, used_in_order
+from bench.steps.sentinel import Sentinel
 
 FIELD_MG = np.array([240.0, -2.0, 440.0])
 POSE = (0.0, 0.0, 0.0)
@@ -144,3 +146,9 @@ def test_blocks_are_tenths_of_a_second():
     assert means[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
     assert len(block_means(np.zeros((55, 3)))) == 5
     assert len(block_means(np.zeros((3, 3)))) == 1
+
+
+@pytest.mark.parametrize("change", ["0 mG", "-2 mG"])
+def test_a_sentinel_that_no_field_could_satisfy_is_refused(change):
+    with pytest.raises(ValidationError, match="change must be above zero"):
+        Sentinel(change=change)

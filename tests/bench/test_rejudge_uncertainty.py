@@ -137,7 +137,11 @@ def test_the_record_holds_the_budget_and_each_heading_with_its_uncertainty(run):
     assert section["tilt"]["conformity"] == pytest.approx(1.0, abs=1e-3)
 
 
-@pytest.mark.parametrize("key", ["uncertainty", "guard_band", "tur", "conformity"])
+def emptied(record):
+    record["uncertainty"]["headings"].clear()
+
+
+@pytest.mark.parametrize("key", ["low", "high", "uncertainty", "guard_band", "tur", "conformity"])
 def test_an_edited_decision_does_not_deceive(run, key):
     edit(run, lambda r: entry_of(r, "level_max").update({key: 0.01}))
 
@@ -159,8 +163,8 @@ def test_a_limit_that_the_value_meets_by_less_than_its_uncertainty_is_marginal(r
 
     assert (near.verdict.outcome, free.verdict.outcome) == (Outcome.MARGINAL, Outcome.PASS)
     assert "level_max" in near.verdict.reason
-    assert "guard band w = 0.08 deg" in near.verdict.reason
-    assert "U = 0.08 deg" in near.verdict.reason
+    assert "guard band w = 0.077 deg" in near.verdict.reason
+    assert "U = 0.077 deg" in near.verdict.reason
     one = next(m for m in near.measurements if m.name == "level_max")
     assert 0.1 < one.conformity < 0.95
 
@@ -178,6 +182,8 @@ def test_limits_that_ask_for_a_computed_uncertainty_need_the_runs_own_station_fi
         ("uncertainty.headings.3.u_deg", lambda u: u["headings"][3].update(u_deg=0.01)),
         ("uncertainty.budget.2.level_deg", lambda u: u["budget"][2].update(level_deg=0.0)),
         ("uncertainty.level.conformity", lambda u: u["level"].update(conformity=0.5)),
+        ("uncertainty.budget.2.group", lambda u: u["budget"][2].update(group="bench")),
+        ("uncertainty.rule", lambda u: u.update(rule="simple acceptance, w = 0")),
         ("uncertainty.budget", lambda u: u["budget"].pop()),
         ("uncertainty.headings", lambda u: u["headings"].pop()),
     ],
@@ -186,3 +192,16 @@ def test_an_edited_budget_does_not_deceive(run, place, change):
     edit(run, lambda r: change(r["uncertainty"]))
 
     assert rejudge(run).differing == [place]
+
+
+def test_an_edited_outcome_does_not_deceive(run):
+    edit(run, lambda r: entry_of(r, "level_max").update(outcome="FAIL"))
+
+    assert rejudge(run).differing == ["verify/level_max outcome"]
+
+
+@pytest.mark.parametrize("change", [lambda r: r.pop("uncertainty"), emptied])
+def test_a_budget_that_was_taken_away_does_not_deceive(run, change):
+    edit(run, change)
+
+    assert rejudge(run).differing == ["uncertainty"]

@@ -82,7 +82,8 @@ def test_benches_are_off_by_half_the_stations_expanded_uncertainties():
     for values, expanded in (
         (benches.index_deg, seat.u_index_deg),
         (benches.level_deg, seat.u_level_deg),
-        (benches.iron_mg, seat.u_iron_mg),
+        (benches.iron_mg[:, :2], seat.u_iron_mg),
+        (benches.iron_mg[:, 2], seat.u_iron_down_mg),
         (benches.field_azimuth_deg, STATION.u_field_azimuth_deg),
         (benches.gradient_mg, around.u_gradient_mg),
         (benches.encoders[:, :, 0, 1:], around.u_one_cycle_deg),

@@ -48,36 +48,23 @@ def test_the_module_writes_both_files(tmp_path: Path, monkeypatch: pytest.Monkey
     assert (tmp_path / "a.eds").read_text() == EDS_PATH.read_text()
 
 
+AXIS_IDENTIFIERS = (
+    canopen.emergency_id, canopen.tpdo1_id, canopen.rpdo1_id, canopen.sdo_request_id,
+    canopen.sdo_response_id, canopen.heartbeat_id,
+)  # fmt: skip
+MODULE_IDENTIFIERS = (
+    compass.mag_set_id, compass.mag_reset_id, compass.acceleration_id, compass.heading_id,
+    compass.status_id, compass.vehicle_direction_id, j1939.address_claimed_id, j1939.request_id,
+    uds.physical_request_id, uds.physical_response_id,
+)  # fmt: skip
+
+
 def test_every_identifier_of_the_product_is_described_once() -> None:
     used = {canopen.NMT_ID, SYNC_ID, TICK_DONE_ID, canopen.heartbeat_id(canopen.BENCH_NODE)}
     used |= {remounting.REMOUNT_ID, remounting.REMOUNT_DONE_ID}
     for node in canopen.AXIS_NODES:
-        used |= {
-            function(node)
-            for function in (
-                canopen.emergency_id,
-                canopen.tpdo1_id,
-                canopen.rpdo1_id,
-                canopen.sdo_request_id,
-                canopen.sdo_response_id,
-                canopen.heartbeat_id,
-            )
-        }
-    used |= {
-        function(j1939.MODULE_ADDRESS)
-        for function in (
-            compass.mag_set_id,
-            compass.mag_reset_id,
-            compass.acceleration_id,
-            compass.heading_id,
-            compass.status_id,
-            compass.vehicle_direction_id,
-            j1939.address_claimed_id,
-            j1939.request_id,
-            uds.physical_request_id,
-            uds.physical_response_id,
-        )
-    }
+        used |= {function(node) for function in AXIS_IDENTIFIERS}
+    used |= {function(j1939.MODULE_ADDRESS) for function in MODULE_IDENTIFIERS}
     used |= {
         function(reference_field.REFERENCE_ADDRESS)
         for function in (

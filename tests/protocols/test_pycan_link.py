@@ -13,7 +13,6 @@ import can
 import pytest
 
 from protocols import bus_opening, pycan_link
-from protocols.bus_port import EchoFilter
 from protocols.clock import SimulatedClock
 from protocols.errors import LinkError
 from protocols.frame import EXTENDED, Frame
@@ -364,41 +363,3 @@ def test_a_closed_link_may_be_closed_again_and_sends_no_more(adapter: AdapterBus
     with pytest.raises(LinkError, match="is closed: open a new link"):
         link.send(1, b"")
     assert not any(thread.name == "can adapter 1" for thread in threading.enumerate())
-
-
-# ---- own frames that come back ---------------------------------------------------------------
-
-
-def test_an_echo_is_recognised_once() -> None:
-    echoes = EchoFilter()
-    echoes.sent(0x080, b"\x01")
-
-    assert echoes.is_echo(0x080, b"\x01")
-    assert not echoes.is_echo(0x080, b"\x01")
-
-
-def test_foreign_frames_are_no_echoes() -> None:
-    echoes = EchoFilter()
-    echoes.sent(0x080, b"\x01")
-
-    assert not echoes.is_echo(0x080, b"\x02")
-    assert not echoes.is_echo(0x081, b"\x01")
-
-
-def test_a_lost_echo_does_not_hide_the_later_ones() -> None:
-    echoes = EchoFilter()
-    for counter in range(1, 6):
-        echoes.sent(0x080, bytes((counter,)))
-
-    assert echoes.is_echo(0x080, b"\x03")  # 1 and 2 were lost
-    assert not echoes.is_echo(0x080, b"\x02")
-    assert echoes.is_echo(0x080, b"\x04")
-
-
-def test_echoes_that_never_come_take_no_more_and_more_memory() -> None:
-    echoes = EchoFilter()
-    for number in range(10_000):
-        echoes.sent(0x080, number.to_bytes(2, "little"))
-
-    assert not echoes.is_echo(0x080, (0).to_bytes(2, "little"))
-    assert echoes.is_echo(0x080, (9_999).to_bytes(2, "little"))

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from bench.acceptance.outcome import Outcome
+from bench.acceptance.site import is_level
 from bench.procedure_loader import load_procedure
+from bench.record.recorded_fits import recorded_fits
 
 if TYPE_CHECKING:
     from bench.acceptance.measurement import Measurement
@@ -61,6 +63,22 @@ def released():
         return procedure.model_copy(update={"steps": steps})
 
     return make
+
+
+def test_the_expected_errors_hold_what_the_accelerometers_zero_moves_until_the_verification(
+    good_run,
+):
+    study = good_run.context.recorder.sections["study"]
+    fits = recorded_fits({"study": study})
+    readings = good_run.context.readings_at(good_run.context.verification_positions)
+    with_fits = replace(fits, by_method=good_run.context.fits)
+    found = with_fits.expected_errors(readings, good_run.context.station)["truth_aided"]
+    rms_deg = np.sqrt(np.mean((found.mean_deg**2 + found.sd_deg**2)[is_level(readings)]))
+
+    # 0.3 mg in 100 s, and two minutes between the middles of both
+    assert 0.0002 < study["expected_zero_change_g"] < 0.0004
+    assert fits.zero_change_g == study["expected_zero_change_g"]
+    assert rms_deg == pytest.approx(study["expected"]["truth_aided"]["level_rms_deg"])
 
 
 def test_a_good_unit_passes_and_its_rig_is_parked(good_run):

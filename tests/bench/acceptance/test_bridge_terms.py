@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -11,12 +13,15 @@ from bench.acceptance.bridge_terms import (
     cross_axis_term,
     temperature_terms,
 )
-from bench.acceptance.site import calibration_data
+from bench.acceptance.seat import SeatFound
+from bench.acceptance.site import calibration_data, expected_field_mg, expected_force_g
+from bench.acceptance.two_axis_evaluation import fit_of
 from bench.calibration.cross_axis import UNKNOWN_THEN, no_cross_axis
 from bench.calibration.crossed_field import with_cross_axis
 from bench.record.bridge_section import BridgeTermEntry
 from bench.record.plain import plain
 from bench.samples import readings_of
+from protocols.uds import DEFAULT_COEFFICIENTS
 
 CALIBRATION = ("sweep", "tilted_poses")
 
@@ -109,3 +114,23 @@ def test_temperature_is_told_of_a_run_that_warms_and_not_of_one_that_does_not(ca
     assert len(entry_of(warm["accel_drift_mg_per_c"]).value) == 3
     assert all(entry_of(term).value[0] is None for term in steady.values())
     assert set(temperature_terms(warming, None, site)) == {"offset_tempco_mg_per_c"}
+
+
+def test_seat_and_fixture_of_the_station_are_no_drift_of_the_accelerometer_or_the_gain(
+    calibration, site
+):
+    """A run whose tilt and warming go together: what the seat turns must not look like a drift."""
+    readings = calibration[0][-16:].copy()
+    readings = np.concatenate([readings, readings])
+    seat = SeatFound(index_deg=2.0, pitch_deg=1.0, roll_deg=-1.0, iron_mg=(4.0, 0.0, -6.0))
+    seated = SimpleNamespace(**{**vars(site), "seat": seat})
+    readings["field_mg"] = expected_field_mg(readings, seated)
+    readings["accel_g"] = expected_force_g(readings, seat)
+    readings["t_s"] = np.linspace(0.0, 200.0, len(readings))
+    readings["temperature_c"] = 25.0 + 0.01 * readings["rig_pitch_deg"]
+    perfect = fit_of(DEFAULT_COEFFICIENTS)
+
+    terms = temperature_terms(readings, perfect, seated)
+
+    assert terms["accel_drift_mg_per_c"].value == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    assert terms["sensitivity_tempco_per_c"].value == pytest.approx((0.0,), abs=1e-9)

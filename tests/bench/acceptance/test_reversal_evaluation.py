@@ -40,7 +40,7 @@ def by_name(found, station):
 
 
 def test_an_unchanged_bench_has_no_change_over_1(station):
-    measured = by_name(found_with(index_deg=0.03, iron_mg=(0.05, -0.08, 0.3)), station)
+    measured = by_name(found_with(index_deg=0.02, iron_mg=(0.05, -0.08, 0.3)), station)
 
     assert set(measured) == {*CHANGES, "fit_accepted", "fit_residual", "seating"}
     assert all(measured[name].value < 1.0 for name in CHANGES)
@@ -50,8 +50,8 @@ def test_an_unchanged_bench_has_no_change_over_1(station):
 def test_a_change_is_counted_in_the_uncertainties_of_both_and_told_in_words(station):
     measured = by_name(found_with(index_deg=0.5, iron_mg=(0.0, -2.0, 0.0)), station)
 
-    assert measured["seat_index_change"].value == pytest.approx(0.5 / math.hypot(0.04, 0.015))
-    assert measured["seat_index_change"].note == "index +0.500 deg (U 0.015), file +0.000 (U 0.040)"
+    assert measured["seat_index_change"].value == pytest.approx(0.5 / math.hypot(0.02, 0.015))
+    assert measured["seat_index_change"].note == "index +0.500 deg (U 0.015), file +0.000 (U 0.020)"
     assert measured["fixture_iron_change"].note.startswith("iron y -2.00 mG (U 0.10)")
 
 
@@ -88,6 +88,11 @@ def test_a_refused_reversal_says_only_why(station):
 def test_a_reversal_doubts_what_the_station_does_at_one_standard_deviation(station):
     doubts = doubts_of(station, 0.02)
 
-    assert doubts.one_cycle_deg == pytest.approx(station.surroundings.u_one_cycle_deg / 2.0)
+    for name in (
+        "one_cycle_deg", "two_cycle_deg", "fine_deg", "squareness_deg", "drift_mg", "gradient_mg",
+    ):  # fmt: skip
+        stated = getattr(station.surroundings, f"u_{name}")
+        assert stated > 0.0
+        assert getattr(doubts, name) == pytest.approx(stated / 2.0), name
     assert doubts.seating_deg == pytest.approx(0.01)
     assert doubts.strength == pytest.approx(1.0 / 250.0 / 2.0)

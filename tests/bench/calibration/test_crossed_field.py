@@ -36,6 +36,19 @@ def test_taking_out_undoes_putting_in(rng):
     assert again_mg == pytest.approx(field_mg, abs=1e-9)
 
 
+@pytest.mark.parametrize(("axis", "across"), [(0, 1), (1, 0), (2, 0)])
+def test_each_bridge_feels_the_field_of_one_other_axis_and_of_no_third(axis, across):
+    reading_mg = np.full(3, 100.0)
+    reading_mg[across] = 400.0
+    third = 3 - axis - across
+
+    (left_mg,) = without_cross_axis(reading_mg[None], HK_MG)
+
+    assert left_mg[axis] == pytest.approx(100.0 * (1.0 - (400.0 / HK_MG[axis]) ** 2))
+    reading_mg[third] = 0.0
+    assert without_cross_axis(reading_mg, HK_MG)[axis] == left_mg[axis]
+
+
 def test_an_axis_without_an_anisotropy_field_stays_as_it_is(rng):
     field_mg = rng.uniform(-500.0, 500.0, (10, 3))
 

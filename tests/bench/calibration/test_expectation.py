@@ -110,6 +110,41 @@ def test_achieved_errors_scatter_about_the_expected_ones_as_their_sd_says(
         assert 0.85 - 4.0 * spread < rms < 1.0 + 4.0 * spread, (name, rms)
 
 
+def test_what_is_not_known_of_the_unit_adds_to_the_noise_as_squares(
+    units: list[tuple[dict[str, Fit], CalibrationData]],
+) -> None:
+    fits, data = units[0]
+    unit = fits[UNIT_MODEL]
+    assert unit.covariance is not None
+    doubtful = {**fits, UNIT_MODEL: replace(unit, covariance=4.0 * unit.covariance)}
+
+    found, more = expected_errors(fits, data), expected_errors(doubtful, data)
+
+    assert found is not None
+    assert more is not None
+    for name in fits.keys() & found.keys():
+        by_unit = found[name].sd_deg ** 2 - found[name].noise_sd_deg ** 2
+        assert by_unit.max() > 0.0, name
+        more_by_unit = more[name].sd_deg ** 2 - more[name].noise_sd_deg ** 2
+        assert more_by_unit == pytest.approx(4.0 * by_unit, rel=1e-6, abs=1e-12), name
+
+
+def test_the_readings_to_expect_in_a_fixture_hold_its_iron_through_the_units_own_gain(
+    units: list[tuple[dict[str, Fit], CalibrationData]],
+) -> None:
+    fits, data = units[0]
+    unit, iron_mg = fits[UNIT_MODEL], np.array([2.0, -1.5, 1.0])
+    assert unit.matrix is not None
+
+    held = (
+        unit_readings(unit, replace(data, fixture_mg=iron_mg)).raw - unit_readings(unit, data).raw
+    )
+
+    expected_mg = np.broadcast_to(np.linalg.inv(unit.matrix) @ iron_mg, held[:, :3].shape)
+    assert held[:, :3] == pytest.approx(expected_mg)
+    assert held[:, 3:] == pytest.approx(0.0)
+
+
 def test_expected_over_achieved_is_near_one_level_and_tilted(
     units: list[tuple[dict[str, Fit], CalibrationData]],
 ) -> None:
@@ -136,6 +171,22 @@ def test_the_readings_of_the_verification_take_no_part(
     other = replace(data, field_mg=np.zeros_like(data.field_mg), accel_g=data.accel_g + 1.0)
 
     assert expectation(fits, other) == expectation(fits, data)
+
+
+def test_a_zero_that_moves_on_makes_the_level_heading_uncertain_by_the_tangent_of_the_dip(
+    units: list[tuple[dict[str, Fit], CalibrationData]],
+) -> None:
+    fits, data = units[0]
+    assert data.station_field_mg is not None
+    before, after = (expected_errors(fits, data, change_g) for change_g in (0.0, 0.0003))
+    assert before is not None
+    assert after is not None
+
+    level = slice(0, 24)
+    more = after[UNIT_MODEL].sd_deg[level] ** 2 - before[UNIT_MODEL].sd_deg[level] ** 2
+    tangent = data.station_field_mg[2] / np.hypot(*data.station_field_mg[:2])
+    assert np.sqrt(more) == pytest.approx(np.rad2deg(0.0003) * tangent, rel=0.1)
+    assert after[UNIT_MODEL].noise_sd_deg == pytest.approx(before[UNIT_MODEL].noise_sd_deg)
 
 
 def test_a_field_azimuth_that_the_station_has_wrong_is_expected_as_an_error_of_all(

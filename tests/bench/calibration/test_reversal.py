@@ -293,3 +293,30 @@ def test_the_seating_effect_is_the_change_of_the_readings_by_that_turn(state):
     there = data.mounting == 1
     assert column[~there] == pytest.approx(0.0)
     assert column[there] == pytest.approx((changed - rows.modelled)[there], abs=1e-5)
+
+
+def test_a_drift_between_mountings_is_a_field_of_the_rig_for_one_mounting(state):
+    data = mounted(readings_of(np.random.default_rng(23), ALL), 500.0)
+    rows = seat_rows(state, data)
+    effect = effects(state, rows, data, BenchDoubts(drift_mg=0.05))
+    first_north = effect.of("field")[:, 0].reshape(-1, 6)
+
+    there = data.mounting == 0
+    north_mg = data.poses.turned(np.array([0.05, 0.0, 0.0]))
+    assert first_north[~there] == pytest.approx(0.0)
+    assert first_north[there, :3] == pytest.approx(
+        np.einsum("nij,nj->ni", rows.to_field, north_mg)[there]
+    )
+    assert first_north[:, 3:] == pytest.approx(0.0)
+
+
+def test_iron_is_known_no_better_than_the_strength_of_the_field():
+    parts = readings_of(np.random.default_rng(24), ALL)
+    known, doubted = (
+        reversal(parts, doubts=replace(QUIET, strength=strength)) for strength in (0.0, 0.1)
+    )
+
+    for axis, name in enumerate(("iron_x", "iron_y", "iron_z")):
+        added_mg = 2.0 * 0.1 * known.iron_mg[axis]
+        assert doubted.u[name] == pytest.approx(np.hypot(known.u[name], added_mg), rel=1e-6)
+    assert doubted.u["index"] == pytest.approx(known.u["index"])

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from bench.cli.main import app
 from bench.errors import ConfigError
 from bench.shipped import find_file
+from bench.station import load_station
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -95,7 +96,7 @@ def test_the_table_sets_file_and_finding_side_by_side(verify, tmp_path):
 
     (line,) = (each for each in result.stdout.splitlines() if each.startswith("seat index "))
     assert result.exit_code == 5
-    assert "+0.000 ± 0.040 deg" in line
+    assert f"+0.000 ± {load_station('default').seat.u_index_deg:.3f} deg" in line
     assert "+0.49" in line
     assert line.endswith("changed")
     assert f"station file written: {target}" in result.stderr.replace("\n", "")

@@ -87,6 +87,24 @@ def test_a_node_that_falls_silent_ends_the_run_once(bus, node, reference):
     bus.run_for(1.0)
 
 
+def test_a_reading_without_any_noise_ends_the_run_once(bus, node, reference):
+    reference.wait_ready()
+
+    with pytest.raises(ReferenceSilent, match="sent one and the same reading for 10 s"):
+        bus.run_for(20.0)
+    assert bus.tick_count == pytest.approx(1002, abs=2)
+    bus.run_for(1.0)
+
+
+def test_one_count_of_noise_in_nine_seconds_is_enough(bus, node, reference):
+    reference.wait_ready()
+    for step in range(3):
+        node.field_mg = (250.0, -1.0, 433.0 + 0.05 * (step % 2))
+        bus.run_for(9.0)
+
+    assert reference.watched
+
+
 def test_an_old_reading_stands_beside_no_cycle(bus, node, reference):
     reference.wait_ready()
     node.last_tick = bus.tick_count

@@ -8,7 +8,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from bench.acceptance.site import field_rig_mg
-from bench.adaptive_tour import wound
+from bench.adaptive_tour import AdaptiveTour, wound
 from bench.calibration.tilt import ned_from_body
 from bench.errors import BenchNotReady, ConfigError, FieldChanged
 from bench.limit_set import load_limits
@@ -128,6 +128,27 @@ def test_a_disturbed_pose_counts_as_not_visited_and_costs_another_one():
 
     assert bench.recorded["adaptive"]["ended"] == "wanted_reached"
     assert len(bench.readings) > len(clean.readings)
+
+
+def test_what_comes_next_is_asked_of_the_poses_whose_readings_count(monkeypatch):
+    asked = []
+    following = AdaptiveTour.following
+
+    def heard(tour, visited, present):
+        asked.append(list(visited))
+        return following(tour, visited, present)
+
+    monkeypatch.setattr(AdaptiveTour, "following", heard)
+    bench, step = Bench(disturbed=(4,)), step_of(wanted="0.19 deg", horizontal="251 mG")
+    lost = step.tour.first[4]
+    step.longest_poses()
+    asked.clear()
+
+    step.run(bench)
+
+    assert asked
+    assert all(len(visited) == 7 + number for number, visited in enumerate(asked))
+    assert not any(one.is_at(lost) for visited in asked for one in visited)
 
 
 def test_poses_that_were_lost_are_the_benchs_fault_and_no_verdict_on_the_unit():

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 import yaml
 
 from bench.errors import ConfigError
+from bench.field_watch import FieldWatch
 from bench.plan import plan_of
 from bench.procedure_loader import load_procedure, procedure_path
 from bench.steps.headings import Ring
+from bench.steps.mount import Mount
 
 
 @pytest.fixture
@@ -40,6 +45,29 @@ def test_two_mountings_are_enough(changed):
     assert [step.kind for step in procedure.steps].count("mount") == 2
 
 
+@pytest.mark.parametrize(
+    ("change", "received"),
+    [
+        (without("reversal"), "none"),
+        (lambda steps: [*steps, {"kind": "reversal", "name": "again"}], "2"),
+    ],
+)
+def test_mountings_are_taken_apart_once(changed, change, received):
+    with pytest.raises(ConfigError, match=f"must have one reversal step; instead .* {received}$"):
+        changed(change)
+
+
+def test_a_seating_is_not_less_than_certain(changed):
+    def impossible(steps):
+        return [
+            step | {"seating_uncertainty": "-1 deg"} if step["kind"] == "reversal" else step
+            for step in steps
+        ]
+
+    with pytest.raises(ConfigError, match="seating_uncertainty: input should be greater"):
+        changed(impossible)
+
+
 def test_no_coefficients_come_from_a_unit_that_is_remounted(changed):
     fit = {"kind": "fit", "name": "fit", "methods": ["truth_aided"], "judged": ["truth_aided"]}
 
@@ -67,6 +95,21 @@ def test_the_shipped_reversal_takes_less_than_ten_minutes_and_goes_round_both_wa
     assert {ring.direction for ring in steps["as_marked"].rings} == {
         "clockwise", "counter_clockwise",
     }  # fmt: skip
+
+
+def test_a_remounted_unit_has_a_sentinel_field_of_its_own():
+    watch = FieldWatch(poses=8)
+    watch.visit_sentinel((0.0, 0.0, 0.0), np.array([250.0, 0.0, 433.0]), position=0, step="a")
+    rig = SimpleNamespace(move_to=lambda attitude: None)
+    context = SimpleNamespace(
+        require_rig=lambda: rig, bus=SimpleNamespace(mode="socketcan"), ask=lambda text: "",
+        event=lambda kind, **fields: None, mountings=[], poses=[], field_watch=watch,
+    )  # fmt: skip
+
+    Mount(kind="mount", name="turn", mounting="turned").run(context)
+
+    turned_mg = np.array([-250.0, 0.0, 433.0])
+    assert watch.visit_sentinel((0.0, 0.0, 0.0), turned_mg, position=1, step="b") == 0.0
 
 
 def test_a_ring_goes_round_the_way_that_it_says():

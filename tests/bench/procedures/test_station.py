@@ -87,3 +87,22 @@ def test_a_station_without_a_gate_is_not_checked(station_of):
 def test_a_station_that_is_not_on_earth_is_refused(station_of, old, new, sentence):
     with pytest.raises(ConfigError, match=sentence):
         station_of(BODY.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("section", "sentence"),
+    [
+        ("reference: {change: 0 mG}", "change must be above zero"),
+        ("reference: {change: -1 mG}", "change must not be negative"),
+        ("reference: {address: 254}", "reference.address"),
+        ("seat: {index: 181 deg}", "index must be from -180 deg to 180 deg"),
+        ("seat: {iron: [101 mG, 0 mG, 0 mG]}", "iron must be at most 100 mG on each axis"),
+        ("seat: {iron: [1 mG, 0 mG]}", "seat.iron: value is missing"),
+        ("surroundings: {drift_uncertainty: -1 mG}", "drift_uncertainty must not be negative"),
+    ],
+)
+def test_a_section_that_cannot_be_is_refused(station_of, section, sentence):
+    with pytest.raises(ConfigError) as refusal:
+        station_of(BODY + section + "\n")
+
+    assert sentence in str(refusal.value)

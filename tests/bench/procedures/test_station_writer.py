@@ -10,7 +10,13 @@ from bench.acceptance.reversal_evaluation import StationValue
 from bench.errors import BenchNotReady, ConfigError
 from bench.shipped import find_file
 from bench.station import load_station
-from bench.station_writer import changed_text, require_target, station_changes, write_station
+from bench.station_writer import (
+    changed_text,
+    require_target,
+    require_written,
+    station_changes,
+    write_station,
+)
 
 BODY = """# our hall
 name: hall 2
@@ -43,6 +49,32 @@ def changes():
         u_mg = 0.4494 if name == "iron_z" else 0.1176
         values[name] = StationValue(value=value, u=u_mg, unit="mG", told=True)
     return station_changes(values, golden="GOLD1", verified=DAY)
+
+
+def test_the_level_takes_the_larger_u_of_pitch_and_roll_and_so_does_the_iron():
+    u = {"pitch": 0.01, "roll": 0.03, "iron_x": 0.1, "iron_y": 0.2}
+    values = {
+        name: StationValue(value=0.0, u=u.get(name, 0.05), unit="deg", told=True)
+        for name in (*FOUND, *IRON)
+    }
+
+    seat = station_changes(values, golden="GOLD1", verified=DAY)["seat"]
+
+    assert seat["level_uncertainty"] == "0.03 deg"
+    assert seat["iron_uncertainty"] == "0.2 mG"
+
+
+@pytest.mark.parametrize("name", ["level_uncertainty", "iron_uncertainty", "iron_down_uncertainty"])
+def test_an_uncertainty_that_does_not_read_as_written_is_refused(tmp_path, changes, name):
+    source = tmp_path / "hall.yaml"
+    source.write_text(BODY, encoding="utf-8")
+    station = write_station(source, tmp_path / "new.yaml", changes)
+    unit = changes["seat"][name].split()[1]
+
+    with pytest.raises(ConfigError, match=f"{name} must read as written"):
+        require_written(station, changes | {"seat": changes["seat"] | {name: f"9 {unit}"}})
+    with pytest.raises(ConfigError, match="field_azimuth_uncertainty must read as written"):
+        require_written(station, changes | {"field_azimuth_uncertainty": "9 deg"})
 
 
 @pytest.mark.parametrize("seat", SEATS)

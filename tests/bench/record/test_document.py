@@ -193,3 +193,11 @@ def test_a_record_of_before_the_study_is_still_one(record):
         del entry["extended_dip_deg"]
 
     validate_record(record)
+
+
+@pytest.mark.parametrize("hk_mg", [[8000.0], "abc", [8000.0, float("nan"), 0.0], [1.0] * 4, None])
+def test_coefficients_that_are_no_whole_set_are_refused(hk_mg):
+    entry = plain(DEFAULT_COEFFICIENTS) | {"hk_mg": hk_mg}
+
+    with pytest.raises(ConfigError, match="coefficients of the record must be a whole set"):
+        coefficients_of(entry)

@@ -48,6 +48,7 @@ def test_a_shared_index_error_moves_the_rms_by_the_mean_error_over_it(budget):
 
     assert spread.expanded == pytest.approx(0.02 * errors[LEVEL].mean() / rms, rel=0.01)
     assert spread.conformity(None, float(rms)) == pytest.approx(0.5, abs=0.01)
+    assert spread.conformity(None, float(rms) + spread.expanded) == pytest.approx(0.977, abs=0.01)
 
 
 def test_a_probability_needs_an_upper_limit_alone(budget):

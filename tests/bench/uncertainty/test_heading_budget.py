@@ -9,6 +9,7 @@ from bench.calibration.compensation import compensated_heading_deg
 from bench.calibration.fit import Fit
 from bench.station import Seat, Surroundings, load_station
 from bench.uncertainty.heading_budget import heading_budget
+from bench.uncertainty.seat_heading import ned_from_seat
 from bench.uncertainty.unit_data import UnitData
 from protocols.angles import wrap_180_deg
 
@@ -91,6 +92,13 @@ def test_pitch_and_roll_encoders_do_not_turn_a_seat_along_the_roll_axis(line):
     assert np.abs(one.columns_deg).max() < 1e-9
 
 
+def test_the_roll_encoder_turns_a_seat_that_points_across_the_roll_axis(line):
+    one = line("pitch and roll encoders", [(0.0, 30.0, 0.0)], seat=Seat(index_deg=90.0),
+               u_rig_deg=0.1)  # fmt: skip
+
+    assert np.sqrt(one.covariance[0, 0]) == pytest.approx(0.05 * 0.5, rel=1e-5)  # sin(pitch)
+
+
 def test_squareness_and_levels_count_at_tilted_poses_only(line):
     around = Surroundings(u_squareness_deg=0.1, u_base_level_deg=0.1)
     for name in ("squareness and wobble", "base level"):
@@ -112,6 +120,28 @@ def test_a_gradient_is_worth_its_field_at_each_pose_and_fades_with_the_turn(line
     assert one.covariance[0, 12] / one.covariance[0, 0] == pytest.approx(-1.0 / 3.0, rel=1e-5)
 
 
+def test_a_drift_of_the_field_reaches_a_turned_seat_through_its_own_attitude(
+    readings, fit, station
+):
+    rows = readings([(0.0, 0.0, 0.0), (70.0, 30.0, 0.0), (200.0, 0.0, -30.0)])
+    angles_deg = np.stack([rows[f"rig_{name}_deg"] for name in ("azimuth", "pitch", "roll")], -1)
+    seat = np.swapaxes(ned_from_seat(angles_deg, 90.0), 1, 2)
+    site_mg, doubt_mg = np.array([250.0, 0.0, 433.0]), 0.1
+    rows["field_mg"], rows["accel_g"] = seat @ site_mg, -seat[:, :, 2]
+    here_deg = compensated_heading_deg(fit, rows["field_mg"], rows["accel_g"])
+    moved_deg = [
+        compensated_heading_deg(fit, seat @ (site_mg + doubt_mg * axis), rows["accel_g"])
+        for axis in np.eye(3)
+    ]
+    around = station(seat=Seat(index_deg=90.0), surroundings=Surroundings(u_drift_mg=2 * doubt_mg))
+
+    lines = heading_budget(rows, fit, around, UnitData()).contributions
+
+    drift = next(one for one in lines if one.name == "site field drift")
+    expected = wrap_180_deg(np.array(moved_deg) - here_deg).T
+    assert drift.columns_deg == pytest.approx(expected, rel=1e-3, abs=1e-6)
+
+
 def test_the_play_of_the_axes_adds_up_because_they_lag_on_the_same_side_of_a_turn(line):
     one = line("hysteresis", LEVEL, unit=UnitData(hysteresis_mg=0.16))
 
@@ -119,6 +149,43 @@ def test_the_play_of_the_axes_adds_up_because_they_lag_on_the_same_side_of_a_tur
     expected = (np.abs(np.sin(heading_rad)) + np.abs(np.cos(heading_rad))) * DEG_A_MG
     assert np.abs(one.columns_deg[:, 0]) == pytest.approx(0.16 / np.sqrt(2.0) * expected, rel=1e-5)
     assert len(set(np.sign(one.columns_deg[:, 0]))) == 1  # a turn lags everywhere alike
+
+
+def test_the_play_lags_to_the_other_side_where_the_rig_turns_back(line):
+    there_and_back = [(azimuth, 0.0, 0.0) for azimuth in (20.0, 50.0, 110.0, 50.0, 20.0)]
+    one = line("hysteresis", there_and_back, unit=UnitData(hysteresis_mg=0.16))
+
+    lag_deg = one.columns_deg[:, 0]
+    assert lag_deg[3:] == pytest.approx(-lag_deg[1::-1], rel=1e-5)
+    assert one.covariance[1, 3] == pytest.approx(-one.covariance[1, 1], rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["hysteresis", "accelerometer wander"])
+def test_what_depends_on_the_way_goes_by_the_time_of_the_visit_not_by_the_row(
+    readings, fit, station, name
+):
+    unit = UnitData(hysteresis_mg=0.16, accel_wander_g=3e-4)
+    rows = readings([*LEVEL[:12], *TILTED, *LEVEL[11::-1]])
+    mixed = np.random.default_rng(3).permutation(len(rows))
+
+    def covariance(of):
+        lines = heading_budget(of, fit, station(), unit).contributions
+        return next(one for one in lines if one.name == name).covariance
+
+    assert covariance(rows[mixed]) == pytest.approx(covariance(rows)[np.ix_(mixed, mixed)])
+
+
+def test_the_accelerometers_tempco_is_a_limit_times_the_warming_about_the_mean(
+    readings, fit, station
+):
+    rows = readings(LEVEL)
+    rows["temperature_c"] = 25.0 + np.linspace(0.0, 0.2, len(rows))
+    unit = UnitData(accel_tempco_g_per_c=0.002)
+    lines = heading_budget(rows, fit, station(), unit).contributions
+
+    one = next(line for line in lines if line.name == "accelerometer tempco")
+    warmer_c = rows["temperature_c"].std()
+    assert one.value == pytest.approx(1000.0 * 0.002 / np.sqrt(3.0) * warmer_c)
 
 
 def test_noise_is_that_of_the_mean_of_the_dwell(readings, fit, station):
