@@ -223,7 +223,9 @@ class RunSamples:
         samples = self._samples[np.isin(self._samples["position"], readings["position"])]
         budget = None
         if self._station is not None:
-            budget = verification_budget(readings, coefficients, self._station, self._unit)
+            budget = verification_budget(
+                readings, coefficients, self._station, self._unit, self._baseline_mg()
+            )
         if budget is not None:
             self.verifications.append((readings, budget))
         found = evaluate_verification(
@@ -237,6 +239,11 @@ class RunSamples:
         if len(before):
             found += evaluate_temperature(step, before, readings)
         return found
+
+    def _baseline_mg(self) -> NDArray[np.float64] | None:
+        """Return what the reference magnetometer read when the run began."""
+        baseline_mg = (self._record.get("field_watch") or {}).get("baseline_mg")
+        return None if baseline_mg is None else np.array(baseline_mg, dtype=float)
 
     def _calibration_positions(self) -> list[int]:
         """Return the positions of the last attempts of the steps so far that calibrate."""

@@ -28,6 +28,7 @@ def verification_budget(
     coefficients: Coefficients,
     station: Station,
     unit: UnitData | None,
+    baseline_mg: NDArray[np.float64] | None = None,
 ) -> HeadingBudget | None:
     """Return the budget of the heading errors of a verification, None where the part is unknown.
 
@@ -39,10 +40,12 @@ def verification_budget(
         What the module computes its heading with.
     unit : UnitData or None
         Section `unit` of the limits.
+    baseline_mg : ndarray, shape (3,), or None
+        What the reference magnetometer read when the run began.
     """
     if unit is None:
         return None
-    return heading_budget(readings, fit_of(coefficients), station, unit)
+    return heading_budget(readings, fit_of(coefficients), station, unit, baseline_mg=baseline_mg)
 
 
 def uncertainty_section(

@@ -46,7 +46,10 @@ class Verify(RingStep):
         first = len(context.verification_samples)
         readings = context.visit(self.poses(), verifies=True, sentinel=self.sentinel)
         samples = np.concatenate(context.verification_samples[first:])
-        budget = verification_budget(readings, coefficients, station, context.limits.unit)
+        baseline_mg = context.field_watch.baseline_mg
+        budget = verification_budget(
+            readings, coefficients, station, context.limits.unit, baseline_mg
+        )
         judged = context.judge(
             evaluate_verification(name, readings, samples, coefficients, station, budget=budget)
         )

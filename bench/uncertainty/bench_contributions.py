@@ -29,9 +29,12 @@ SQUARENESS: Final = ("azimuth_pitch_squareness", "pitch_roll_squareness")
 
 
 def bench_contributions(
-    readings: NDArray[np.void], by: Sensitivities, station: Station
+    readings: NDArray[np.void],
+    by: Sensitivities,
+    station: Station,
+    baseline_mg: NDArray[np.float64] | None = None,
 ) -> tuple[Contribution, ...]:
-    """Return the bench's lines of the budget."""
+    """Return the bench's lines of the budget; arguments as for `heading_budget`."""
     around, seat = station.surroundings, station.seat
     azimuth_deg = by.angles_deg[:, 0]
 
@@ -51,7 +54,7 @@ def bench_contributions(
         _line("fixture iron, down", seat.u_iron_down_mg, "mG", by.seat_field[:, 2:]),
         _line("field gradient", around.u_gradient_mg, "mG", _gradient(by)),
         _line("field azimuth", station.u_field_azimuth_deg, "deg", np.ones((len(readings), 1))),
-        _drift(readings, by, around.u_drift_mg),
+        _drift(_seen_by_reference_mg(readings, baseline_mg), by, around.u_drift_mg),
     )
 
 
@@ -100,21 +103,27 @@ def _gradient(by: Sensitivities) -> NDArray[np.float64]:
     return (by.ned_field[:, :, None] * place[:, None, :]).reshape(n, 27)
 
 
-def _drift(readings: NDArray[np.void], by: Sensitivities, u_drift_mg: float) -> Contribution:
+def _drift(seen_mg: float, by: Sensitivities, u_drift_mg: float) -> Contribution:
     """Return the drift's line: the station's U, or what the reference saw if that is more."""
-    seen_mg = _seen_by_reference_mg(readings)
     expanded_mg = COVERAGE_FACTOR * seen_mg
     if expanded_mg > u_drift_mg:
         return _line("site field drift", expanded_mg, "mG", by.ned_field, source="A")
     return _line("site field drift", u_drift_mg, "mG", by.ned_field)
 
 
-def _seen_by_reference_mg(readings: NDArray[np.void]) -> float:
-    """Return the standard deviation of the reference's readings, an axis; 0 without one."""
+def _seen_by_reference_mg(
+    readings: NDArray[np.void], baseline_mg: NDArray[np.float64] | None
+) -> float:
+    """Return the RMS change of the reference's readings, an axis; 0 without one.
+
+    It counts from the run's start where that is known: a step between calibration and
+    verification, too small to spoil a pose, is the same in all these readings.
+    """
     if REFERENCE_FIELD not in (readings.dtype.names or ()):
         return 0.0
     field_mg = readings[REFERENCE_FIELD]
     field_mg = field_mg[np.isfinite(field_mg).all(axis=1)]
     if not len(field_mg):
         return 0.0
-    return float(np.sqrt(np.mean(field_mg.var(axis=0))))
+    start_mg = field_mg.mean(axis=0) if baseline_mg is None else baseline_mg
+    return float(np.sqrt(np.mean((field_mg - start_mg) ** 2)))

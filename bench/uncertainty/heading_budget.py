@@ -70,7 +70,12 @@ class HeadingBudget:
 
 
 def heading_budget(
-    readings: NDArray[np.void], fit: Fit, station: Station, unit: UnitData
+    readings: NDArray[np.void],
+    fit: Fit,
+    station: Station,
+    unit: UnitData,
+    *,
+    baseline_mg: NDArray[np.float64] | None = None,
 ) -> HeadingBudget:
     """Return the budget of the heading errors at verification poses.
 
@@ -84,6 +89,9 @@ def heading_budget(
         Its expanded uncertainties, k = 2.
     unit : UnitData
         Type B data of the part.
+    baseline_mg : ndarray, shape (3,), optional
+        What the reference magnetometer read when the run began; without it only the field's
+        changes among these readings are seen.
 
     References
     ----------
@@ -94,6 +102,6 @@ def heading_budget(
     return HeadingBudget(
         contributions=(
             *unit_contributions(readings, by, unit),
-            *bench_contributions(readings, by, station),
+            *bench_contributions(readings, by, station, baseline_mg),
         )
     )

@@ -247,6 +247,9 @@ def test_a_reference_magnetometer_that_sees_more_than_the_station_says_is_believ
     assert (drift(7.0).source, drift(7.0).value) == ("B", 0.05)
     stepped = np.where(np.arange(len(rows)) < 12, 0.0, 1.0)[:, None]
     assert (drift(stepped).source, drift(stepped).value) == ("A", 0.5)
+    since_start = heading_budget(seen, fit, around, UnitData(), baseline_mg=np.full(3, -1.0))
+    line = next(one for one in since_start.contributions if one.name == "site field drift")
+    assert line.value == pytest.approx(np.sqrt(2.5))
 
 
 def test_the_scatter_of_simulated_verifications_is_the_budgets(readings, fit, station):
