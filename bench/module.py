@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from bench.errors import BusFault, ModuleSilent
+from bench.address_claims import AddressClaims
+from bench.errors import ModuleSilent
 from bench.samples import COMPLETE
 from protocols.compass import (
     ACCEL_G_PER_COUNT,
@@ -25,14 +26,7 @@ from protocols.compass import (
     unpack_status,
 )
 from protocols.e2e import E2eReceiver, E2eState
-from protocols.j1939 import (
-    MODULE_ADDRESS,
-    PGN_ADDRESS_CLAIMED,
-    address_claimed_id,
-    identity_of_name,
-    pack_request,
-    request_id,
-)
+from protocols.j1939 import MODULE_ADDRESS
 from protocols.sync import TICK_NS, TICK_S
 
 if TYPE_CHECKING:
@@ -141,7 +135,9 @@ class Module:
         self.period_ns = TICK_NS
         self.mag_mg_per_count = MAG_MG_PER_COUNT
         self.accel_g_per_count = ACCEL_G_PER_COUNT
-        self.claims: set[bytes] = set()
+        self._claims = AddressClaims(
+            bus, address, nodes="modules", remedy="leave one of them on the bus"
+        )
         self._listeners: list[Callable[[Cycle], None]] = []
         self._diagnostics: Diagnostics | None = None
         self._states = dict.fromkeys(FRAME_NAMES, E2eState.NOT_AVAILABLE)
@@ -209,7 +205,7 @@ class Module:
             If two modules claim the address.
         """
         self._watched = False
-        self.bus.send(request_id(self.address), pack_request(PGN_ADDRESS_CLAIMED))
+        self._claims.request()
         cycles, status_frames = self.cycles - self.incomplete, self._status_frames
         self.bus.run_until(
             lambda: self.cycles - self.incomplete > cycles and self._status_frames > status_frames,
@@ -253,7 +249,6 @@ class Module:
             receiver = self.receivers[name] = E2eReceiver(data_id(can_id))
             subscribe(can_id, self._cyclic_handler(slot, name, receiver))
         subscribe(status_id(address), self._on_status)
-        subscribe(address_claimed_id(address), self._on_claim)
         self.bus.add_hook(self._end_tick)
 
     def _cyclic_handler(
@@ -313,14 +308,9 @@ class Module:
                 "check its supply and its plug"
             )
             raise ModuleSilent(message)
-        if len(self.claims) > 1 and not self._duplicate_told:
+        if self._claims.contested and not self._duplicate_told:
             self._duplicate_told = True
-            identities = sorted(identity_of_name(claim) for claim in self.claims)
-            message = (
-                f"address {self.address:#04x} is claimed by {len(identities)} modules "
-                f"(identity numbers {identities}): leave one of them on the bus"
-            )
-            raise BusFault(message)
+            raise self._claims.fault()
 
     def _miss(self, count: int) -> None:
         self.missed += count
@@ -341,6 +331,3 @@ class Module:
         self.status = unpack_status(frame.data)
         self._status_frames += 1
         self._last_tick = self.bus.tick_count
-
-    def _on_claim(self, frame: Frame) -> None:
-        self.claims.add(bytes(frame.data))

@@ -11,16 +11,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.errors import BusFault, ReferenceSilent
+from bench.address_claims import AddressClaims
+from bench.errors import ReferenceSilent
 from protocols.compass import data_id, unpack_counts
 from protocols.e2e import E2eReceiver, E2eState
-from protocols.j1939 import (
-    PGN_ADDRESS_CLAIMED,
-    address_claimed_id,
-    identity_of_name,
-    pack_request,
-    request_id,
-)
 from protocols.reference_field import REFERENCE_MG_PER_COUNT, reference_field_id
 from protocols.sync import TICK_S
 
@@ -60,7 +54,9 @@ class Reference:
     def __init__(self, bus: BenchBus, address: int) -> None:
         self.bus = bus
         self.address = address
-        self.claims: set[bytes] = set()
+        self._claims = AddressClaims(
+            bus, address, nodes="nodes", remedy="leave only the reference magnetometer there"
+        )
         can_id = reference_field_id(address)
         self._receiver = E2eReceiver(data_id(can_id))
         self._state = E2eState.NOT_AVAILABLE
@@ -69,7 +65,6 @@ class Reference:
         self._changed_tick = 0
         self._watched = False
         bus.subscribe(can_id, self._on_field)
-        bus.subscribe(address_claimed_id(address), self._on_claim)
         bus.add_hook(self._end_tick)
 
     @property
@@ -116,7 +111,7 @@ class Reference:
         BusFault
             If two nodes claim the address.
         """
-        self.bus.send(request_id(self.address), pack_request(PGN_ADDRESS_CLAIMED))
+        self._claims.request()
         self.bus.run_until(
             lambda: self._age_ticks() <= 1,
             timeout_s,
@@ -138,9 +133,6 @@ class Reference:
             self._counts = counts
             self._last_tick = self.bus.tick_count
 
-    def _on_claim(self, frame: Frame) -> None:
-        self.claims.add(bytes(frame.data))
-
     def _end_tick(self) -> None:
         if not self._watched:
             return
@@ -159,14 +151,9 @@ class Reference:
                 f"of its scale; {_WHAT_TO_DO}"
             )
             raise ReferenceSilent(message)
-        if len(self.claims) > 1:
+        if self._claims.contested:
             self._watched = False
-            identities = sorted(identity_of_name(claim) for claim in self.claims)
-            message = (
-                f"address {self.address:#04x} is claimed by {len(identities)} nodes (identity "
-                f"numbers {identities}): leave only the reference magnetometer there"
-            )
-            raise BusFault(message)
+            raise self._claims.fault()
 
 
 def field_mg_of(counts: NDArray[np.integer]) -> NDArray[np.float64]:

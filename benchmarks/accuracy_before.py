@@ -17,7 +17,8 @@ from estimators import (
     read,
     spread_attitudes_deg,
 )
-from poses import poses_of, rings
+from poses import rings
+from verifications import poses_of
 
 from bench.calibration.bound import grid_rows, heading_bound
 from bench.calibration.pose_plan import ESTIMATOR, SMALLEST, bench_conditions, optimal_poses

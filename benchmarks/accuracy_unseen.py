@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from poses import poses_of
+from verifications import poses_of
 
 from bench.calibration.fit import CalibrationData
 from bench.calibration.methods import fit_named

@@ -27,9 +27,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from many_benches import seat_from_body
-from many_fits import Calibrated, calibrated, data_of
+from many_fits import STATION, Calibrated, calibrated, data_of
 from many_units import STRAIGHT, Lot, Readings, Way, drawn_lot, perfect_readings, read, way_of
-from poses import poses_of
+from verifications import poses_of
 
 from bench.acceptance.site import field_rig_mg, total_field_mg
 from bench.calibration.cross_axis import cross_axis_of
@@ -43,7 +43,6 @@ from bench.calibration.temperature import (
 from bench.calibration.tilt import ned_from_body
 from bench.pose import Attitude
 from bench.procedure_loader import load_procedure
-from bench.station import load_station
 from bench.steps.verify import Verify
 from protocols.angles import wrap_180_deg
 
@@ -54,7 +53,6 @@ HOME: Final = Attitude(azimuth_deg=0.0)
 POWER_ON_S: Final = 40.0
 """Time from power-on to the first calibration pose."""
 BLOCK: Final = 100
-STATION: Final = load_station("default")
 WAYS: Final = ("as read", "without cross-axis term", "... and without play seen")
 
 

@@ -116,22 +116,25 @@ def peer_outcome(unit: Unit, found: dict[str, NDArray[Any]], name: str) -> Outco
 
 def ellipsoid_outcome(unit: Unit, readings: Readings, sd_mg: float) -> Outcome:
     """Return what the product's ellipsoid leaves, its rotation removed as that of the peers."""
-    fits, seconds = _timed(lambda: ellipsoid(readings, sd_mg))
-    corrected = corrected_on_grid(unit, fits.matrix, fits.offset_mg, rotation_removed=True)
-    return _outcome(corrected, _on_grid()[1], fits.cause, seconds)
+    return _field_outcome(unit, lambda: ellipsoid(readings, sd_mg), rotation_removed=True)
 
 
 def coefficients_outcome(unit: Unit, readings: Readings, sd_mg: float) -> Outcome:
     """Return what the ellipsoid's coefficients leave where nothing but them is asked for."""
-    found, seconds = _timed(lambda: coefficients(readings, sd_mg))
-    corrected = corrected_on_grid(unit, found.matrix, found.offset_mg, rotation_removed=True)
-    return _outcome(corrected, _on_grid()[1], found.cause, seconds)
+    return _field_outcome(unit, lambda: coefficients(readings, sd_mg), rotation_removed=True)
 
 
 def tilt_aided_outcome(unit: Unit, readings: Readings, sd_mg: float) -> Outcome:
     """Return what the product's tilt_aided leaves, rotation and all."""
-    fits, seconds = _timed(lambda: tilt_aided(readings, sd_mg))
-    corrected = corrected_on_grid(unit, fits.matrix, fits.offset_mg, rotation_removed=False)
+    return _field_outcome(unit, lambda: tilt_aided(readings, sd_mg), rotation_removed=False)
+
+
+def _field_outcome(unit: Unit, fit: Callable[[], Any], *, rotation_removed: bool) -> Outcome:
+    """Return what offset and matrix leave on perfect forces."""
+    fits, seconds = _timed(fit)
+    corrected = corrected_on_grid(
+        unit, fits.matrix, fits.offset_mg, rotation_removed=rotation_removed
+    )
     return _outcome(corrected, _on_grid()[1], fits.cause, seconds)
 
 

@@ -27,16 +27,14 @@ import numpy as np
 from adaptive import HOME, adaptive_step, lots_of, rig_seconds, stopped
 from many_fits import Calibrated, calibrated, data_of
 from many_units import Lot, read, way_of
+from verifications import poses_of
 
 from bench.calibration.methods import fit_named
 from bench.calibration.prediction import grid_attitudes_deg
 from bench.calibration.tilt import tilt_compensated_heading_deg
 from bench.calibration.truth_aided_batch import CAUSES
 from bench.pose import Attitude
-from bench.procedure_loader import load_procedure
-from bench.steps.poses import Poses
 from bench.steps.step import PlannedPose
-from bench.steps.sweep import Sweep
 from protocols.angles import wrap_180_deg
 
 if TYPE_CHECKING:
@@ -61,12 +59,6 @@ def sets_of_poses() -> dict[str, list[PlannedPose]]:
         FOUR_POSITION: poses_of(FOUR_POSITION),
         "12 level": rings(12, 0),
     }
-
-
-def poses_of(procedure: str) -> list[PlannedPose]:
-    """Return the calibration poses of a shipped procedure."""
-    steps = load_procedure(procedure).walk()
-    return [pose for step in steps if isinstance(step, Sweep | Poses) for pose in step.poses()]
 
 
 def rings(level: int, tilted: int) -> list[PlannedPose]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from bench.acceptance.measurement import Measurement
 from bench.acceptance.site import calibration_data
-from bench.calibration.reversal import COVERAGE_FACTOR, FormerSeat, reversal
+from bench.calibration.reversal import COVERAGE_FACTOR, reversal
 from bench.calibration.reversal_effects import BenchDoubts
 from protocols.angles import wrap_180_deg
 
@@ -104,18 +104,11 @@ def reversal_of(
     paired: bool = True,
 ) -> Reversal:
     """Return the reversal of the readings, one array of READING a mounting."""
-    seat = site.seat
-    former = FormerSeat(
-        index_deg=seat.index_deg,
-        pitch_deg=seat.pitch_deg,
-        roll_deg=seat.roll_deg,
-        iron_mg=seat.iron_mg,
-    )
     data = [
         (name, calibration_data(readings, site, paired=paired, in_seat=False))
         for name, readings in mounted
     ]
-    return reversal(data, doubts=doubts, former=former)
+    return reversal(data, doubts=doubts, former=site.seat)
 
 
 def found_values(found: Reversal, former: Mapping[str, StationValue]) -> dict[str, StationValue]:

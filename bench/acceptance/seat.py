@@ -7,11 +7,11 @@ see the attitudes of the seat, and take the iron out of their offsets (`calibrat
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bench.calibration.fixture import SeatFound
 from bench.calibration.tilt import ned_from_body
 
 if TYPE_CHECKING:
@@ -19,42 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-
-class SeatPosition(Protocol):
-    """The part of a station's seat that readings are corrected by (`bench.station.Seat`)."""
-
-    @property
-    def index_deg(self) -> float:
-        """Turn about down, clockwise."""
-        ...
-
-    @property
-    def pitch_deg(self) -> float:
-        """Nose up."""
-        ...
-
-    @property
-    def roll_deg(self) -> float:
-        """Right side down."""
-        ...
-
-    @property
-    def iron_mg(self) -> tuple[float, float, float]:
-        """Field of the fixture's iron: forward, right, down of the seat."""
-        ...
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SeatFound:
-    """Index, level and iron of a seat; of a square one without iron by default."""
-
-    index_deg: float = 0.0
-    pitch_deg: float = 0.0
-    roll_deg: float = 0.0
-    iron_mg: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
-SQUARE: SeatPosition = SeatFound()
+    from bench.calibration.fixture import SeatPosition
 
 
 def is_turned(seat: SeatPosition) -> bool:

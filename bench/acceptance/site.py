@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from bench.acceptance.seat import SQUARE, has_iron, seat_angles_deg, seat_attitude
+from bench.acceptance.seat import has_iron, seat_angles_deg, seat_attitude
 from bench.calibration.fit import (
     POSE_ACCEL_SD_G,
     POSE_FIELD_SD_MG,
     POSE_RIG_SD_DEG,
     CalibrationData,
 )
+from bench.calibration.fixture import SQUARE
 from bench.calibration.ranking import LEVEL_DEG
 from bench.calibration.tilt import heading_deg
 from bench.samples import MOVING
@@ -23,7 +24,7 @@ from protocols.compass import FLAG_NO_ACCELERATION, FLAG_REPLAY_ENDED, FLAG_SYNT
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from bench.acceptance.seat import SeatPosition
+    from bench.calibration.fixture import SeatPosition
 
 
 class SiteField(Protocol):

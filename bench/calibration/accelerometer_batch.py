@@ -15,12 +15,12 @@ from bench.calibration.consistency import largest_chi2
 from bench.calibration.fit import Cause
 from bench.calibration.grid_error import grid_axes, grid_force, predicted_deg
 from bench.calibration.least_squares import inverted
-from bench.calibration.prediction import DEFAULT_FIELD_MG
+from bench.calibration.prediction import DEFAULT_FIELD_MG, DOWN
 from bench.calibration.sphere_fits import joined, require_vectors
 from bench.calibration.truth_aided_batch import coefficient_rows
 from bench.calibration.truth_iteration import Settled, model_of, settled_units
 from bench.calibration.truth_model import common_poses, observed
-from bench.calibration.truth_rows import DOWN, TruthModel, gain_of
+from bench.calibration.truth_rows import TruthModel, gain_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

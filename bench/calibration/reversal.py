@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bench.calibration.fit import rows_of
+from bench.calibration.fixture import SQUARE
 from bench.calibration.mountings import SEAT_FROM_UNIT, Mounting, nearest_mounting
 from bench.calibration.reversal_effects import GROUPS, BenchDoubts, seating_axes
 from bench.calibration.reversal_model import (
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from bench.calibration.fit import CalibrationData, Fit
+    from bench.calibration.fixture import SeatPosition
     from bench.calibration.reversal_model import Mounted
 
 COVERAGE_FACTOR: Final = 2.0
@@ -57,16 +59,6 @@ class ReversalCause(StrEnum):
     WRONG_MOUNTING = "wrong_mounting"
     NOT_CONVERGED = "not_converged"
     RESIDUAL_TOO_LARGE = "residual_too_large"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FormerSeat:
-    """The seat as the station knows it: held where the mountings cannot tell it."""
-
-    index_deg: float = 0.0
-    pitch_deg: float = 0.0
-    roll_deg: float = 0.0
-    iron_mg: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -125,7 +117,7 @@ def reversal(
     mountings: Sequence[tuple[Mounting, CalibrationData]],
     *,
     doubts: BenchDoubts | None = None,
-    former: FormerSeat | None = None,
+    former: SeatPosition = SQUARE,
 ) -> Reversal:
     """Separate the seat from the unit.
 
@@ -141,7 +133,7 @@ def reversal(
         In order; rows are poses with the rig's own angles, acceleration and station's field.
     doubts : BenchDoubts, optional
         Standard uncertainties of the station.
-    former : FormerSeat, optional
+    former : SeatPosition, optional
         Seat of the station's file: start, and value of what cannot be separated.
 
     Returns
@@ -154,7 +146,7 @@ def reversal(
     if len({name for name, _ in mountings}) < 2:
         message = "a reversal needs at least two different mountings of the unit"
         return Reversal(cause=ReversalCause.TOO_FEW_MOUNTINGS, message=message)
-    doubts, former = doubts or BenchDoubts(), former or FormerSeat()
+    doubts = doubts or BenchDoubts()
     kept, fits = [], []
     for name, data in mountings:
         fit = fit_truth_aided(data)
@@ -202,7 +194,7 @@ def _undisturbed(data: CalibrationData, fit: Fit) -> CalibrationData:
     return rows_of(data, ~np.isin(np.arange(len(data)), out)) if out else data
 
 
-def _start(fit: Fit, name: Mounting, former: FormerSeat) -> SeatState:
+def _start(fit: Fit, name: Mounting, former: SeatPosition) -> SeatState:
     """Return the state that the first mounting's own fit gives, with the former seat."""
     assert fit.matrix is not None  # noqa: S101
     assert fit.offset_mg is not None  # noqa: S101

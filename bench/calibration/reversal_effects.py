@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bench.calibration.prediction import DOWN
 from bench.calibration.tilt import ned_from_body
-from bench.calibration.truth_rows import DOWN
 from protocols.angles import wrap_180_deg
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bench.calibration.mountings import SEAT_FROM_UNIT
+from bench.calibration.prediction import DOWN
 from bench.calibration.tilt import ned_from_body
 from bench.calibration.truth_model import base_rotation, field_direction, rig_poses
-from bench.calibration.truth_rows import DOWN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -33,6 +33,7 @@ SMALLEST_CHANGE_C: Final = 0.03
 WANDER_G: Final = 0.0003
 """Standard deviation of the wander of an accelerometer's zero in 100 s."""
 WANDER_S: Final = 100.0
+"""Time over which the wander of a zero is stated, here and in the data of parts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -23,6 +23,7 @@ from bench.calibration.disturbed import contradiction, left_out, named
 from bench.calibration.fit import CalibrationData, Cause, Fit, refusal
 from bench.calibration.prediction import (
     DEFAULT_FIELD_MG,
+    DOWN,
     heading_grid,
     model_jacobian,
     predicted_heading_deg,
@@ -39,7 +40,7 @@ from bench.calibration.truth_model import (
     observed,
     poses_of,
 )
-from bench.calibration.truth_solver import DOWN, Sensor, Solution, solved, started
+from bench.calibration.truth_solver import Sensor, Solution, solved, started
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

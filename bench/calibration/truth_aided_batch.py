@@ -14,6 +14,7 @@ from bench.calibration.consistency import growth, largest_chi2
 from bench.calibration.fit import Cause
 from bench.calibration.grid_error import grid_axes, grid_field, grid_force, predicted_deg
 from bench.calibration.least_squares import Inverse, inverted
+from bench.calibration.prediction import DOWN
 from bench.calibration.saturation import saturated
 from bench.calibration.sphere_fits import joined, require_vectors
 from bench.calibration.truth_iteration import model_of, settled_units
@@ -24,7 +25,7 @@ from bench.calibration.truth_model import (
     common_poses,
     observed,
 )
-from bench.calibration.truth_rows import DOWN, NormalEquations, TruthModel, gain_of
+from bench.calibration.truth_rows import NormalEquations, TruthModel, gain_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bench.calibration.prediction import DOWN
 from bench.calibration.truth_model import LARGEST_AXIS_RATIO, RigPoses
 from bench.calibration.truth_rows import (
-    DOWN,
     NormalEquations,
     Triad,
     TruthModel,

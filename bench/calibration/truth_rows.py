@@ -12,16 +12,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+from bench.calibration.prediction import DOWN
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from bench.calibration.truth_model import RigPoses
-
-DOWN: Final = np.array([0.0, 0.0, 1.0])
 
 
 class Triad(Enum):

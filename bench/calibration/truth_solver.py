@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bench.calibration.prediction import DOWN
 from bench.calibration.truth_model import (
     RigPoses,
     base_rotation,
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
     from bench.calibration.fit import CalibrationData
 
-DOWN: Final = np.array([0.0, 0.0, 1.0])
 ITERATIONS: Final = 25
 EAST_NORTH: Final = np.eye(3)[:2]
 

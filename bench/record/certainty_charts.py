@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from bench.record.charts import tick_step
+from bench.record.heading_axes import HEIGHT, LEFT, RIGHT, WIDTH, heading_axes
 from bench.record.svg import circle, diamond, frame, line, rectangle, words
 
 if TYPE_CHECKING:
@@ -16,8 +15,6 @@ if TYPE_CHECKING:
 
     from bench.record.charts import Band
 
-_WIDTH, _HEIGHT = 520.0, 250.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 48.0, 14.0, 12.0, 34.0
 _BAR_WIDTH, _BAR_HEIGHT = 150.0, 14.0
 _CAP: Final = 2.6
 
@@ -51,20 +48,13 @@ def verified_chart(
         [abs(pose.error_deg) + max(pose.u_deg, pose.u_test_deg) for pose in poses]
         + [band.limit_deg if band else 0.0]
     )
-    step = tick_step(2.0 * largest * 1.08, 6)
-    top = step * math.ceil(largest * 1.08 / step)
-
-    def x_of(heading_deg: float) -> float:
-        return _LEFT + (_WIDTH - _LEFT - _RIGHT) * heading_deg / 360.0
-
-    def y_of(error_deg: float) -> float:
-        return _TOP + (_HEIGHT - _TOP - _BOTTOM) * (top - error_deg) / (2.0 * top)
-
-    parts = _axes(x_of, y_of, top, step)
+    axes = heading_axes(largest)
+    x_of, y_of = axes.x_of, axes.y_of
+    parts = axes.parts()
     parts += _limits(band, y_of) if band else []
     for pose in poses:
         parts += _whiskers(pose, x_of(pose.heading_deg), y_of, name)
-    return frame(_WIDTH, _HEIGHT, title, parts)
+    return frame(WIDTH, HEIGHT, title, parts)
 
 
 def budget_bar(name: str, level_deg: float, tilted_deg: float, top_deg: float) -> Markup:
@@ -77,35 +67,15 @@ def budget_bar(name: str, level_deg: float, tilted_deg: float, top_deg: float) -
     return frame(_BAR_WIDTH, _BAR_HEIGHT, f"{name}: contribution to the heading", parts, "budget")
 
 
-def _axes(
-    x_of: Callable[[float], float], y_of: Callable[[float], float], top: float, step: float
-) -> list[str]:
-    parts = []
-    for heading in range(0, 361, 45):
-        parts.append(line(x_of(heading), _TOP, x_of(heading), _HEIGHT - _BOTTOM, "grid"))
-        parts.append(words(x_of(heading), _HEIGHT - _BOTTOM + 14, f"{heading}", "middle"))
-    for index in range(-round(top / step), round(top / step) + 1):
-        y = y_of(index * step)
-        parts.append(line(_LEFT, y, _WIDTH - _RIGHT, y, "zero" if index == 0 else "grid"))
-        label = f"{index * step:g}".replace("-", "−")
-        parts.append(words(_LEFT - 6, y + 3.5, label, "end"))
-    parts.append(words((_LEFT + _WIDTH) / 2, _HEIGHT - 4, "magnetic heading, deg", "middle"))
-    middle = (_TOP + _HEIGHT - _BOTTOM) / 2
-    turned = f'<text transform="translate(12 {middle:.1f}) rotate(-90)" text-anchor="middle">'
-    return [*parts, f"{turned}error, deg</text>"]
-
-
 def _limits(band: Band, y_of: Callable[[float], float]) -> list[str]:
     """Return the limit, the acceptance limit inside it, and the guard band between them."""
-    right, parts = _WIDTH - _RIGHT, []
+    right, parts = WIDTH - RIGHT, []
     accept_deg = band.limit_deg - band.guard_deg
     for sign in (1.0, -1.0):
         outer, inner = y_of(sign * band.limit_deg), y_of(sign * accept_deg)
-        parts.append(
-            rectangle(_LEFT, min(outer, inner), right - _LEFT, abs(outer - inner), "guard")
-        )
-        parts.append(line(_LEFT, outer, right, outer, "limit"))
-        parts.append(line(_LEFT, inner, right, inner, "accept"))
+        parts.append(rectangle(LEFT, min(outer, inner), right - LEFT, abs(outer - inner), "guard"))
+        parts.append(line(LEFT, outer, right, outer, "limit"))
+        parts.append(line(LEFT, inner, right, inner, "accept"))
     label = f"limit {band.limit_deg:g}, accepted to {accept_deg:.3g}"
     return [*parts, words(right - 4, y_of(band.limit_deg) - 4, label, "end", "limit-label")]
 

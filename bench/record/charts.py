@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
+from bench.record.heading_axes import HEIGHT, LEFT, RIGHT, WIDTH, heading_axes, tick_step
 from bench.record.svg import circle, diamond, frame, line, polyline, words
 
 if TYPE_CHECKING:
@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 
     from bench.record.swing import HeadingPoint
 
-_WIDTH, _HEIGHT = 520.0, 250.0
 LABEL_ROOM = 13.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 52.0, 14.0, 12.0, 34.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,56 +28,17 @@ class Band:
     name: str
 
 
-def tick_step(span: float, count: int = 5) -> float:
-    """Return a step of 1, 2 or 5 times a power of ten that gives about `count` ticks.
-
-    >>> tick_step(1.0), tick_step(70.0)
-    (0.2, 20.0)
-    """
-    rough = max(span, 1e-9) / count
-    power = 10.0 ** math.floor(math.log10(rough))
-    factor = next(f for f in (1.0, 2.0, 5.0, 10.0) if f * power >= rough * 0.999)
-    return round(factor * power, 12)
-
-
 def heading_error_chart(
     points: Sequence[HeadingPoint], bands: Sequence[Band], title: str
 ) -> Markup:
     """Return a plot of heading error against heading, every pose one mark, nothing averaged."""
     largest = max([abs(p.error_deg) for p in points] + [b.limit_deg for b in bands], default=1.0)
-    step = tick_step(2.0 * largest * 1.08, 6)
-    top = step * math.ceil(largest * 1.08 / step)
-
-    def x_of(heading_deg: float) -> float:
-        return _LEFT + (_WIDTH - _LEFT - _RIGHT) * heading_deg / 360.0
-
-    def y_of(error_deg: float) -> float:
-        return _TOP + (_HEIGHT - _TOP - _BOTTOM) * (top - error_deg) / (2.0 * top)
-
-    parts = [*_heading_axes(x_of, y_of, top, step), *_bands(bands, y_of)]
+    axes = heading_axes(largest)
+    x_of, y_of = axes.x_of, axes.y_of
+    parts = [*axes.parts(), *_bands(bands, y_of)]
     parts += _curve(points, x_of, y_of)
     parts += [_mark(p, x_of(p.heading_deg), y_of(p.error_deg)) for p in points]
-    return frame(_WIDTH, _HEIGHT, title, parts)
-
-
-def _heading_axes(x_of: Any, y_of: Any, top: float, step: float) -> list[str]:
-    parts = []
-    for heading in range(0, 361, 45):
-        x = x_of(heading)
-        parts.append(line(x, _TOP, x, _HEIGHT - _BOTTOM, "grid"))
-        parts.append(words(x, _HEIGHT - _BOTTOM + 14, f"{heading}", "middle"))
-    for index in range(-round(top / step), round(top / step) + 1):
-        value = index * step
-        y = y_of(value)
-        parts.append(line(_LEFT, y, _WIDTH - _RIGHT, y, "zero" if index == 0 else "grid"))
-        parts.append(words(_LEFT - 6, y + 3.5, f"{value:g}", "end"))
-    parts.append(words((_LEFT + _WIDTH) / 2, _HEIGHT - 4, "magnetic heading, deg", "middle"))
-    middle = (_TOP + _HEIGHT - _BOTTOM) / 2
-    parts.append(
-        f'<text transform="translate(12 {middle:.1f}) rotate(-90)" text-anchor="middle">'
-        "error, deg</text>"
-    )
-    return parts
+    return frame(WIDTH, HEIGHT, title, parts)
 
 
 def _bands(bands: Sequence[Band], y_of: Any) -> list[str]:
@@ -87,10 +46,10 @@ def _bands(bands: Sequence[Band], y_of: Any) -> list[str]:
     for band in bands:
         for sign in (1.0, -1.0):
             y = y_of(sign * band.limit_deg)
-            parts.append(line(_LEFT, y, _WIDTH - _RIGHT, y, f"limit {band.name}"))
+            parts.append(line(LEFT, y, WIDTH - RIGHT, y, f"limit {band.name}"))
             inner = y_of(sign * (band.limit_deg - band.guard_deg))
             parts.append(
-                f'<rect class="guard" x="{_LEFT:.1f}" width="{_WIDTH - _LEFT - _RIGHT:.1f}" '
+                f'<rect class="guard" x="{LEFT:.1f}" width="{WIDTH - LEFT - RIGHT:.1f}" '
                 f'y="{min(y, inner):.1f}" height="{abs(inner - y):.1f}"/>'
             )
     heights = [y_of(band.limit_deg) for band in bands]
@@ -98,7 +57,7 @@ def _bands(bands: Sequence[Band], y_of: Any) -> list[str]:
     if len(heights) > 1 and abs(heights[0] - heights[1]) < LABEL_ROOM:
         heights, labels = [min(heights) - LABEL_ROOM - 3.0], [", ".join(labels)]
     for y, label in zip(heights, labels, strict=True):
-        parts.append(words(_WIDTH - _RIGHT - 4, y + 11, label, "end", "limit-label"))
+        parts.append(words(WIDTH - RIGHT - 4, y + 11, label, "end", "limit-label"))
     return parts
 
 
@@ -130,7 +89,7 @@ def xy_chart(
     title: str,
 ) -> Markup:
     """Return the level turn in the plane of x and y, before and after, with the field's circle."""
-    size = _HEIGHT
+    size = HEIGHT
     values = [abs(v) for xy in [*raw_xy_mg, *corrected_xy_mg] for v in xy] + [horizontal_mg]
     top = max(values) * 1.12
 

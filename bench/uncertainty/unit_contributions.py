@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bench.calibration.temperature import WANDER_S
 from bench.uncertainty.contribution import Contribution, own_axes
 from protocols.angles import wrap_180_deg
 
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
 DITHERED_SHARE: Final = 0.4
 """Noise over one count from which on the rounding of a reading is random (dither)."""
-WANDER_S: Final = 100.0
-"""Time over which the walk of `accel_wander_g` is stated."""
 
 
 def unit_contributions(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.uncertainty.unit_contributions import WANDER_S
+from bench.calibration.temperature import WANDER_S
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -20,7 +20,6 @@ from bench.acceptance.heading_evaluation import (
 from bench.acceptance.measurement import Limit, Measurement
 from bench.acceptance.method_comparison import achieved_by, expected_of, ranking, study_of
 from bench.acceptance.outcome import Outcome
-from bench.acceptance.seat import SeatFound
 from bench.acceptance.sensor_evaluation import (
     evaluate_noise,
     evaluate_peaks,
@@ -31,6 +30,7 @@ from bench.acceptance.sensor_evaluation import (
 from bench.acceptance.site import calibration_data
 from bench.acceptance.verdict import judge_measurement, verdict_of
 from bench.calibration.deviation import exact_deviation
+from bench.calibration.fixture import SeatFound
 from bench.calibration.methods import METHODS, fit_named
 from bench.calibration.tilt import ned_from_body
 from bench.pose import Attitude, Pose

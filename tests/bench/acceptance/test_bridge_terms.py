@@ -13,11 +13,11 @@ from bench.acceptance.bridge_terms import (
     cross_axis_term,
     temperature_terms,
 )
-from bench.acceptance.seat import SeatFound
 from bench.acceptance.site import calibration_data, expected_field_mg, expected_force_g
 from bench.acceptance.two_axis_evaluation import fit_of
 from bench.calibration.cross_axis import UNKNOWN_THEN, no_cross_axis
 from bench.calibration.crossed_field import with_cross_axis
+from bench.calibration.fixture import SeatFound
 from bench.record.bridge_section import BridgeTermEntry
 from bench.record.plain import plain
 from bench.samples import readings_of

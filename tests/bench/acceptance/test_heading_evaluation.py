@@ -17,7 +17,6 @@ from bench.acceptance.heading_evaluation import (
     evaluate_temperature,
     evaluate_verification,
 )
-from bench.acceptance.seat import SeatFound
 from bench.acceptance.site import (
     expected_field_mg,
     expected_force_g,
@@ -27,6 +26,7 @@ from bench.acceptance.site import (
     total_field_mg,
 )
 from bench.calibration.crossed_field import with_cross_axis
+from bench.calibration.fixture import SeatFound
 from bench.samples import readings_of
 from protocols.angles import wrap_360_deg
 from protocols.uds import DEFAULT_COEFFICIENTS

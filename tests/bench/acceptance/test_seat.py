@@ -9,7 +9,7 @@ import pytest
 
 from bench.acceptance.heading_evaluation import evaluate_field_strength
 from bench.acceptance.method_comparison import study_of
-from bench.acceptance.seat import SeatFound, seat_angles_deg, seat_of
+from bench.acceptance.seat import seat_angles_deg, seat_of
 from bench.acceptance.site import (
     calibration_data,
     expected_field_mg,
@@ -17,6 +17,7 @@ from bench.acceptance.site import (
     field_rig_mg,
     reference_heading_deg,
 )
+from bench.calibration.fixture import SeatFound
 from bench.calibration.methods import fit_named
 from bench.calibration.reversal_model import seat_rotation
 from bench.calibration.tilt import attitude_deg, heading_deg, ned_from_body

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from bench.calibration.fit import CalibrationData
+from bench.calibration.fixture import SeatFound
 from bench.calibration.mountings import SEAT_FROM_UNIT, Mounting, nearest_mounting
-from bench.calibration.reversal import FormerSeat, ReversalCause, reversal
+from bench.calibration.reversal import ReversalCause, reversal
 from bench.calibration.reversal_effects import BenchDoubts, effects, seating_axes
 from bench.calibration.reversal_model import SeatState, mounted, seat_rotation, seat_rows
 from bench.calibration.tilt import ned_from_body
@@ -105,7 +106,7 @@ def told(found):
     ],
 )
 def test_each_pair_of_mountings_tells_what_is_across_its_turn_and_nothing_else(names, observed):
-    former = FormerSeat(index_deg=0.4, pitch_deg=0.02, roll_deg=0.03, iron_mg=(0.5, 0.25, -0.125))
+    former = SeatFound(index_deg=0.4, pitch_deg=0.02, roll_deg=0.03, iron_mg=(0.5, 0.25, -0.125))
     held = {
         "index": 0.4, "pitch": 0.02, "roll": 0.03, "iron_x": 0.5, "iron_y": 0.25, "iron_z": -0.125,
     }  # fmt: skip

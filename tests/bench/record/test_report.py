@@ -8,8 +8,9 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from bench.record.charts import Band, heading_error_chart, limit_bar, tick_step, xy_chart
+from bench.record.charts import Band, heading_error_chart, limit_bar, xy_chart
 from bench.record.document import read_record
+from bench.record.heading_axes import tick_step
 from bench.record.report import (
     distance,
     limits_text,
